@@ -1,0 +1,36 @@
+# make run   install what identification needs, identify the bundled log, say where the page is
+# make test  install everything, lint, run the whole suite
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: run test lint clean
+
+run: $(VENV)/.base
+	$(BIN)/python scripts/identify.py --report report
+
+test: $(VENV)/.all lint
+	$(BIN)/python -m pytest -n 2
+
+lint: $(VENV)/.all
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+
+$(VENV)/.base: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "installing (the first time this takes a minute or two) ..."
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e .
+	@touch $@
+
+# torch first and by its exact version: left to the resolver it may bring gigabytes of GPU packages.
+$(VENV)/.all: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "installing everything (the first time this takes some minutes) ..."
+	$(BIN)/python -m pip install --quiet torch==2.13.0
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[rollers,bags,rl,dev]"
+	@touch $@ $(VENV)/.base
+
+clean:
+	rm -rf $(VENV) report

@@ -1,0 +1,1 @@
+"""The robot: platform, physics, effects, simulation and Gymnasium environments."""

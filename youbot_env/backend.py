@@ -1,0 +1,108 @@
+"""The elementary functions of each number type the physics is evaluated on.
+
+The physics is written once, over components: a component is a Python float, a NumPy array
+over a batch axis, a CasADi symbol or a JAX array.  Addition and multiplication work on all of
+them; the elementary functions below do not, so the physics takes them as an argument ``ops``.
+"""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any, Protocol
+
+import numpy as np
+
+
+class Ops(Protocol):
+    """Elementary functions on components; every backend provides exactly these."""
+
+    cos: Any
+    sin: Any
+    tan: Any
+    tanh: Any
+    exp: Any
+    sqrt: Any
+    abs: Any
+    sign: Any
+    minimum: Any
+    maximum: Any
+    where: Any
+    floor: Any
+
+
+FLOAT: Ops = SimpleNamespace(
+    name="float",
+    cos=math.cos,
+    sin=math.sin,
+    tan=math.tan,
+    tanh=math.tanh,
+    exp=math.exp,
+    sqrt=math.sqrt,
+    abs=abs,
+    sign=lambda a: (a > 0) - (a < 0),
+    minimum=min,
+    maximum=max,
+    where=lambda condition, a, b: a if condition else b,
+    floor=math.floor,
+)
+
+NUMPY: Ops = SimpleNamespace(
+    name="numpy",
+    cos=np.cos,
+    sin=np.sin,
+    tan=np.tan,
+    tanh=np.tanh,
+    exp=np.exp,
+    sqrt=np.sqrt,
+    abs=np.abs,
+    sign=np.sign,
+    minimum=np.minimum,
+    maximum=np.maximum,
+    where=np.where,
+    floor=np.floor,
+)
+
+
+def casadi_ops() -> Ops:
+    """Elementary functions on CasADi symbols (CasADi is imported here and not before)."""
+    import casadi as ca
+
+    return SimpleNamespace(
+        name="casadi",
+        cos=ca.cos,
+        sin=ca.sin,
+        tan=ca.tan,
+        tanh=ca.tanh,
+        exp=ca.exp,
+        sqrt=ca.sqrt,
+        abs=ca.fabs,
+        sign=ca.sign,
+        minimum=ca.fmin,
+        maximum=ca.fmax,
+        where=ca.if_else,
+        floor=ca.floor,
+    )
+
+
+def jax_ops() -> Ops:
+    """Elementary functions on JAX arrays (JAX is imported here and not before)."""
+    import jax.numpy as jnp
+
+    names = ["cos", "sin", "tan", "tanh", "exp", "sqrt", "abs", "sign", "minimum", "maximum", "where", "floor"]
+    return SimpleNamespace(name="jax", **{name: getattr(jnp, name) for name in names})
+
+
+def weighted_sum(weights, components):
+    """Return ``sum(w * c)``, leaving out weights that are the number zero.
+
+    The geometry of a symmetric platform holds many exact zeros; leaving them out keeps a batched
+    evaluation as cheap as equations written for that platform by hand.
+    """
+    total = 0.0
+    for weight, component in zip(weights, components, strict=True):
+        if isinstance(weight, float) and weight == 0.0:
+            continue
+        term = component if isinstance(weight, float) and weight == 1.0 else weight * component
+        total = term if isinstance(total, float) and total == 0.0 else total + term
+    return total

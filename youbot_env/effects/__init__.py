@@ -1,0 +1,57 @@
+"""Physical effects, one file each; every ``Effect`` subclass in this folder is found by itself."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import pkgutil
+from functools import cache
+
+from youbot_env.effects.base import Effect, Parameter, Signals
+
+__all__ = ["Effect", "Parameter", "Signals", "effect_names", "get_effect", "register"]
+
+_EXTRA: dict[str, type[Effect]] = {}
+
+
+@cache
+def _shipped() -> dict[str, type[Effect]]:
+    found = {}
+    for module in pkgutil.iter_modules(__path__):
+        loaded = importlib.import_module(f"{__name__}.{module.name}")
+        for item in vars(loaded).values():
+            if isinstance(item, type) and issubclass(item, Effect) and hasattr(item, "identifier"):
+                found[item.identifier] = item
+    return found
+
+
+def register(effect: type[Effect]) -> type[Effect]:
+    """Make an effect defined outside this folder known by its identifier; usable as a decorator.
+
+    Raises:
+        ValueError: the identifier belongs to another effect already.
+    """
+    known = {**_shipped(), **_EXTRA}.get(effect.identifier)
+    if known is not None and known.__qualname__ != effect.__qualname__:
+        raise ValueError(f"effect {effect.identifier!r} exists already: {known.__qualname__}")
+    _EXTRA[effect.identifier] = effect
+    return effect
+
+
+def effect_names() -> tuple[str, ...]:
+    """Identifiers of all known effects, sorted."""
+    return tuple(sorted({**_shipped(), **_EXTRA}))
+
+
+def get_effect(identifier: str) -> Effect:
+    """Return the effect of that identifier.
+
+    Raises:
+        ValueError: there is none; the message names the nearest.
+    """
+    known = {**_shipped(), **_EXTRA}
+    if identifier not in known:
+        near = difflib.get_close_matches(identifier, known, 1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise ValueError(f"unknown effect {identifier!r}; {hint}known effects: {sorted(known)}")
+    return known[identifier]()

@@ -1,0 +1,281 @@
+"""The chain from commanded torques to motion, with effects on its links, and one time step.
+
+Static structure (which effects there are) and values (numbers, arrays or symbols) are apart: a
+``Structure`` is fixed when a function is built, the values are arguments of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from youbot_env import dynamics
+from youbot_env.backend import Ops
+from youbot_env.dynamics import Inertia, Theta
+from youbot_env.effects.base import Effect, Signals
+from youbot_env.model import Model
+from youbot_env.platform import Platform
+
+
+class State(NamedTuple):
+    """State of the plant, in components.
+
+    Attributes:
+        pose: (x, y, yaw), m, m, rad, world frame.
+        velocity: (V_X, V_Y, Omega), m/s, m/s, rad/s, body frame.
+        wheel_angle: n angles, rad; empty where nobody needs them.
+        internal: one tuple of states for each effect.
+    """
+
+    pose: tuple
+    velocity: tuple
+    wheel_angle: tuple
+    internal: tuple
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Which platform and which effects, and the flat names of the values they take.
+
+    Attributes:
+        platform: wheel table.
+        effects: effects in order of the chain.
+        effect_names: for each effect the flat names of its parameters.
+        track_wheels: whether wheel angles are part of the state.
+    """
+
+    platform: Platform
+    effects: tuple[Effect, ...] = ()
+    effect_names: tuple[tuple[str, ...], ...] = ()
+    track_wheels: bool = False
+
+    @classmethod
+    def of(cls, model: Model, track_wheels: bool = False) -> Structure:
+        """Return the structure of a model; wheel angles are tracked where an effect reads them."""
+        effects = tuple(active.effect for active in model.effects)
+        track = track_wheels or any(effect.needs_wheel_angle for effect in effects)
+        names = tuple(tuple(active.values) for active in model.effects)
+        return cls(model.platform, effects, names, track)
+
+    @property
+    def key(self) -> tuple:
+        """What two structures must share for one compiled function to serve both."""
+        identities = tuple(type(effect) for effect in self.effects)
+        return self.platform, identities, self.effect_names, self.track_wheels
+
+    @property
+    def value_count(self) -> int:
+        """Number of values: seven of theta and those of the effects."""
+        return len(Theta._fields) + sum(map(len, self.effect_names))
+
+    def rest(self, pose: tuple = (0.0, 0.0, 0.0), velocity: tuple = (0.0, 0.0, 0.0)) -> State:
+        """Return the state with relaxed effects at a pose and a velocity."""
+        wheels = (0.0,) * len(self.platform.wheels) if self.track_wheels else ()
+        internal = tuple((0.0,) * effect.state_size(self.platform) for effect in self.effects)
+        return State(tuple(pose), tuple(velocity), wheels, internal)
+
+    def flatten(self, state: State) -> tuple:
+        """Return the state as one flat tuple of components."""
+        return (*state.pose, *state.velocity, *state.wheel_angle, *sum(state.internal, ()))
+
+    def unflatten(self, flat) -> State:
+        """Invert ``flatten``."""
+        flat = tuple(flat)
+        wheels = len(self.platform.wheels) if self.track_wheels else 0
+        internal, at = [], 6 + wheels
+        for effect in self.effects:
+            size = effect.state_size(self.platform)
+            internal.append(flat[at : at + size])
+            at += size
+        return State(flat[:3], flat[3:6], flat[6 : 6 + wheels], tuple(internal))
+
+    def bind(self, values) -> Robot:
+        """Give the structure its values, in the order of ``Model.names()``."""
+        values = tuple(values)
+        theta, at, bound = Theta(*values[:7]), 7, []
+        for index, (effect, names) in enumerate(zip(self.effects, self.effect_names, strict=True)):
+            chosen = dict(zip(names, values[at : at + len(names)], strict=True))
+            bound.append((index, effect, effect.arrange(chosen, self.platform)))
+            at += len(names)
+        return Robot(self.platform, theta, bound)
+
+
+class Robot:
+    """A structure with values: evaluates delivered torques, accelerations and wheel speeds."""
+
+    def __init__(self, platform: Platform, theta: Theta, bound: list[tuple[int, Effect, Any]]):
+        self.platform, self.theta, self.geometry = platform, theta, platform.geometry
+        self.effects = bound
+        self._hooks = {
+            hook: sorted(
+                (entry for entry in bound if entry[1].acts(hook)), key=lambda e: e[1].order
+            )
+            for hook in ("drive", "delay", "shaft", "roller", "body", "inertial", "kinematics",
+                         "slip", "measure")
+        }  # fmt: skip
+        self.simple = not bound
+        self._constant = not (self._hooks["inertial"] or self._hooks["kinematics"])
+        self.inertia: Inertia | None = (
+            dynamics.prepare(self.geometry, theta) if self._constant else None
+        )
+
+    def acting(self, hook: str) -> list[tuple[int, Effect, Any]]:
+        """Effects that override a hook, in chain order: (index, effect, its parameters)."""
+        return self._hooks[hook]
+
+    def delay(self):
+        """Total pure delay of the torque command, s."""
+        return sum(effect.delay(p) for _, effect, p in self._hooks["delay"])
+
+    def signals(self, t, v, pose, wheel_angle, command, ops: Ops) -> Signals:
+        """Collect what the laws read, with Jacobians and theta as the effects change them."""
+        s = Signals(self.platform, self.geometry, self.theta, t, v, pose, wheel_angle, command)
+        for _, effect, p in self._hooks["kinematics"]:
+            s.geometry = effect.kinematics(p, s.geometry, s, ops)
+        increments = [effect.inertial(p, s, ops) for _, effect, p in self._hooks["inertial"]]
+        for increment in increments:
+            s.theta = Theta(*(a + b for a, b in zip(s.theta, increment, strict=True)))
+        return s
+
+    def deliver(self, s: Signals, internal: tuple, h, ops: Ops) -> tuple[tuple, tuple]:
+        """Pass the command through the drive.
+
+        Args:
+            s: signals at the start of the step.
+            internal: states of all effects at that instant.
+            h: time since then, s; inputs are held.
+            ops: elementary functions.
+
+        Returns:
+            ``(torques on the shafts, states of all effects after h)``.
+        """
+        torque, internal = s.command, list(internal)
+        for index, effect, p in self._hooks["drive"]:
+            s.state = internal[index]
+            s.state = internal[index] = effect.evolve(p, torque, s, h, ops)
+            torque = effect.drive(p, torque, s, ops)
+        for index, effect, p in self.effects:
+            if internal[index] and not effect.acts("drive"):
+                s.state = internal[index]
+                internal[index] = effect.evolve(p, torque, s, h, ops)
+        return torque, tuple(internal)
+
+    def wrench(self, torque: tuple, s: Signals, internal: tuple, ops: Ops) -> tuple:
+        """Generalized forces on the body: shaft torques, rollers and floor together."""
+        for index, effect, p in self._hooks["shaft"]:
+            s.state = internal[index]
+            torque = _sum(torque, effect.shaft(p, s, ops))
+        total = s.geometry.wrench(torque)
+        for index, effect, p in self._hooks["roller"]:
+            s.state = internal[index]
+            total = _sum(total, s.geometry.roller_wrench(effect.roller(p, s, ops)))
+        for index, effect, p in self._hooks["body"]:
+            s.state = internal[index]
+            total = _sum(total, effect.body(p, s, ops))
+        return total
+
+    def acceleration(self, wrench: tuple, s: Signals) -> tuple:
+        """Forward dynamics under generalized forces."""
+        inertia = self.inertia or dynamics.prepare(s.geometry, s.theta)
+        return dynamics.acceleration(inertia, s.v, wrench)
+
+    def wheel_velocity(self, s: Signals, ops: Ops) -> tuple:
+        """Wheel speeds that an encoder sees, rad/s: J v and slip."""
+        speed = s.wheel_velocity
+        for _, effect, p in self._hooks["slip"]:
+            speed = _sum(speed, effect.slip(p, s, ops))
+        return speed
+
+
+def _sum(a: tuple, b: tuple) -> tuple:
+    return tuple(x + y for x, y in zip(a, b, strict=True))
+
+
+def pose_rate(v: tuple, yaw, ops: Ops) -> tuple:
+    """World velocities (x', y', yaw') of body velocities v at heading yaw."""
+    c, s = ops.cos(yaw), ops.sin(yaw)
+    return v[0] * c - v[1] * s, v[0] * s + v[1] * c, v[2]
+
+
+def rk4_step(robot: Robot, state: State, command: tuple, h, t, ops: Ops) -> State:
+    """One Runge-Kutta step of length h with the command held.
+
+    Effects' own states move by their exact held-input solution (``Effect.evolve``), so a lag
+    faster than the step neither blows up nor needs a stiff solver.
+    """
+    size = len(state.wheel_angle)
+    start = (*state.pose, *state.velocity, *state.wheel_angle)
+    fixed = robot.geometry.wrench(command) if robot.simple else None
+    origin = None if robot.simple else robot.signals(
+        t, state.velocity, state.pose, state.wheel_angle, command, ops
+    )  # fmt: skip
+
+    def rates(flat: tuple, elapsed) -> tuple[tuple, tuple]:
+        v = flat[3:6]
+        if robot.simple:
+            change = dynamics.acceleration(robot.inertia, v, fixed)
+            speeds = robot.geometry.wheel_velocity(v) if size else ()
+            return (*pose_rate(v, flat[2], ops), *change, *speeds), state.internal
+        torque, internal = robot.deliver(origin, state.internal, elapsed, ops)
+        s = robot.signals(t + elapsed, v, flat[:3], flat[6:], command, ops)
+        change = robot.acceleration(robot.wrench(torque, s, internal, ops), s)
+        speeds = robot.wheel_velocity(s, ops) if size else ()
+        return (*pose_rate(v, flat[2], ops), *change, *speeds), internal
+
+    half = h / 2
+    k1, _ = rates(start, 0.0 * h)
+    k2, _ = rates(tuple(q + half * k for q, k in zip(start, k1, strict=True)), half)
+    k3, _ = rates(tuple(q + half * k for q, k in zip(start, k2, strict=True)), half)
+    k4, internal = rates(tuple(q + h * k for q, k in zip(start, k3, strict=True)), h)
+    sixth = h / 6
+    end = tuple(
+        q + sixth * (a + 2 * (b + c) + d)
+        for q, a, b, c, d in zip(start, k1, k2, k3, k4, strict=True)
+    )
+    return State(end[:3], end[3:6], end[6:], internal)
+
+
+def advance(
+    robot: Robot, state: State, commands: tuple, dt: float, substeps: int, t, ops: Ops
+) -> State:
+    """Advance by dt with torque commands that are held between samples.
+
+    Args:
+        robot: bound structure.
+        state: state at time t.
+        commands: the command given at t, then older ones, newest first; a delay needs
+            ``ceil(delay / dt) + 1`` of them (the oldest stands for all before it).
+        dt: sample time, s.
+        substeps: Runge-Kutta steps a phase.
+        t: time, s.
+        ops: elementary functions.
+
+    A pure delay switches the delivered command inside the interval; the interval is split there,
+    which keeps the step exact for any delay.
+    """
+    if not robot.acting("delay"):
+        phases = [(commands[0], dt)]
+    else:
+        delay = robot.delay()
+        whole = ops.floor(delay / dt)
+        part = delay - whole * dt
+        phases = [
+            (_select(commands, whole + 1, ops), part),
+            (_select(commands, whole, ops), dt - part),
+        ]
+    for command, duration in phases:
+        h = duration / substeps
+        for _ in range(substeps):
+            state = rk4_step(robot, state, command, h, t, ops)
+            t = t + h
+    return state
+
+
+def _select(commands: tuple, index, ops: Ops) -> tuple:
+    chosen = commands[-1]
+    for place in range(len(commands) - 2, -1, -1):
+        chosen = tuple(
+            ops.where(index <= place, new, old)
+            for new, old in zip(commands[place], chosen, strict=True)
+        )
+    return chosen
