@@ -162,8 +162,9 @@ class Robot:
 
     def wrench(self, torque: tuple, s: Signals, internal: tuple, ops: Ops) -> tuple:
         """Generalized forces on the body: shaft torques, rollers and floor together."""
+        s.torque = torque
         for index, effect, p in self._hooks["shaft"]:
-            s.state = internal[index]
+            s.state, s.torque = internal[index], torque
             torque = _sum(torque, effect.shaft(p, s, ops))
         total = s.geometry.wrench(torque)
         for index, effect, p in self._hooks["roller"]:
@@ -180,7 +181,10 @@ class Robot:
         return dynamics.acceleration(inertia, s.v, wrench)
 
     def wheel_velocity(self, s: Signals, ops: Ops) -> tuple:
-        """Wheel speeds that an encoder sees, rad/s: J v and slip."""
+        """Wheel speeds that an encoder sees, rad/s: J v and slip.
+
+        Slip follows from the torques that ``wrench`` has left in s; call it before.
+        """
         speed = s.wheel_velocity
         for _, effect, p in self._hooks["slip"]:
             speed = _sum(speed, effect.slip(p, s, ops))

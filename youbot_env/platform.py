@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from youbot_env.backend import weighted_sum
+from youbot_env.backend import FLOAT, Ops, weighted_sum
 
 
 @dataclass(frozen=True)
@@ -164,34 +164,46 @@ class Platform:
         return bool(np.all(edges[:, 0] * offset[:, 1] - edges[:, 1] * offset[:, 0] >= 0))
 
 
-def wheel_rows(wheel: Wheel, wheel_radius, roller_radius, offset=0.0) -> tuple[tuple, tuple]:
-    """Rows of J and G for one wheel (paper eq. 3).
+def wheel_rows(
+    wheel: Wheel, wheel_radius, roller_radius, offset=0.0, phase=0.0, ops: Ops = FLOAT
+) -> tuple[tuple, tuple]:
+    """Rows of J and G for one wheel (paper eq. 3), with the roller on the floor at any phase.
 
     Args:
         wheel: the wheel.
-        wheel_radius, roller_radius: R and r, m; numbers or components.
-        offset: added to the roller angle, rad.
+        wheel_radius, roller_radius: R and r, m.
+        offset: added to the roller angle, rad; a component.
+        phase: q, how far the wheel has turned since the middle of that roller touched the floor,
+            rad; a component.  Zero is the ideal wheel of the paper.
+        ops: elementary functions of the components.
 
     Returns:
         ``(J_i, G_i)``, three entries each.  With u and w the speeds of the wheel centre along and
         across its heading: ``R phi' = u + tan(delta) w`` and ``gamma' = -w / (r cos(delta))``.
+        At phase q the contact lies ``(R - r) tan(q) tan(delta)`` left of the wheel centre, the
+        factor of w in the first is ``tan(delta) / cos(q)``, and r in the second becomes
+        ``R cos(q) - (R - r)``.
     """
     c, s = _exact(math.cos(wheel.heading)), _exact(math.sin(wheel.heading))
-    along = (c, s, wheel.x * s - wheel.y * c)
+    delta, lean = wheel.roller_angle + offset, ops.cos(phase)
+    tangent, cosine = _exact(ops.tan(delta)), ops.cos(delta)
+    shift = (wheel_radius - roller_radius) * ops.tan(phase) * tangent
+    along = (c, s, wheel.x * s - wheel.y * c - shift)
     across = (-s, c, wheel.x * c + wheel.y * s)
-    delta = wheel.roller_angle + offset
-    tangent, cosine = _exact(math.tan(delta)), math.cos(delta)
-    rolling = tuple((a + tangent * b) / wheel_radius for a, b in zip(along, across, strict=True))
-    roller = tuple(-b / (roller_radius * cosine) + 0.0 for b in across)
+    slant, arm = tangent / lean, (roller_radius - wheel_radius * (1.0 - lean)) * cosine
+    rolling = tuple((a + slant * b) / wheel_radius for a, b in zip(along, across, strict=True))
+    roller = tuple(-b / arm + 0.0 for b in across)
     return rolling, roller
 
 
-def _exact(value: float) -> float:
+def _exact(value):
     """Return the nearest of -1, 0 and 1 where rounding alone keeps a number from it.
 
     tan(45 deg) is 0.9999999999999999 in floating point; left so, friction of the youBot would
-    not be exactly diagonal.
+    not be exactly diagonal.  Arrays and symbols pass through.
     """
+    if not isinstance(value, float):
+        return value
     nearest = float(round(value))
     return nearest if abs(value - nearest) < 1e-12 else value
 

@@ -59,6 +59,8 @@ class Signals:
         pose: (x, y, yaw) in the world, m, m, rad.
         wheel_angle: n wheel angles, rad.
         command: n commanded (= logged) shaft torques, N m.
+        torque: n shaft torques as far as the chain has come, N m: the command, then what the drive
+            delivers, then what is left after each effect on the shaft.
         theta: parameters of the robot the effect sits on.
         state: states of the effect that is being asked, as many as its ``state_size``.
         wheel_velocity, roller_velocity: n wheel speeds J v and roller rates G v, rad/s, computed
@@ -78,7 +80,7 @@ class Signals:
     ):
         self.platform, self.geometry, self.theta = platform, geometry, theta
         self.t, self.v, self.pose = t, v, pose
-        self.wheel_angle, self.command = wheel_angle, command
+        self.wheel_angle, self.command, self.torque = wheel_angle, command, command
         self.state: tuple = ()
 
     @cached_property
