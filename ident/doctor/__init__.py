@@ -1,0 +1,46 @@
+"""The log doctor: every log of every format passes the same checks before anybody uses it."""
+
+from __future__ import annotations
+
+from ident.doctor.cells import check_cells
+from ident.doctor.clock import check_clock
+from ident.doctor.columns import examine_columns
+from ident.doctor.drive import check_drive
+from ident.doctor.finding import Finding, LogError
+from ident.doctor.motion import check_motion, check_velocity
+from ident.doctor.record import Record
+from ident.doctor.table import Table
+from youbot_env.platform import Platform
+
+__all__ = ["Finding", "LogError", "Record", "examine"]
+
+# In this order: each check relies on what those before it have put right.
+CHECKS = (check_velocity, check_clock, check_cells, check_drive, check_motion)
+
+
+def examine(
+    table: Table,
+    source: str,
+    platform: Platform,
+    mapping: dict[str, str] | None = None,
+    kt: float | None = None,
+    gear: float | None = None,
+) -> Record:
+    """Turn the columns of a file into a record in SI units and paper signs.
+
+    Args:
+        table: columns as they stand in the file.
+        source: file name, for messages.
+        platform: wheel table.
+        mapping: ``{log name: column}``.
+        kt, gear: torque constant of a motor, N m/A, and motor turns per wheel turn.
+
+    Raises:
+        LogError: something cannot be put right; the message names row, column, value, remedy.
+    """
+    record = examine_columns(table, source, platform, mapping)
+    record.kt, record.gear = kt, gear
+    for check in CHECKS:
+        check(record)
+        record.stop_on_error()
+    return record

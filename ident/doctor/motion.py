@@ -1,0 +1,56 @@
+"""Is there a motion to learn from: velocities, length, excitation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ident.doctor.record import Record
+
+SHORTEST, SHORT = 2.0, 10.0  # s: refused below the first, told below the second
+REST = 0.01  # m/s at the wheel: slower is rest
+AXES = ("forward", "sideways", "yaw")
+
+
+def check_velocity(record: Record) -> None:
+    """Refuse a log without velocities."""
+    if not {"wheel_velocity", "body_velocity"} & set(record.channels):
+        first = record.platform.wheel_names[0]
+        record.refuse(
+            "there are no velocities of wheels or body",
+            "header",
+            f"add wheel_velocity_{first} ... or body_velocity_x, body_velocity_y, yaw_rate (rename "
+            "with --map NAME=COLUMN); a record of one motor on a bench says nothing about the "
+            "platform",
+        )
+
+
+def check_motion(record: Record) -> None:
+    """Refuse a log that is too short or rests; tell what hardly moves."""
+    duration = float(record.time[-1] - record.time[0])
+    if duration < SHORTEST:
+        record.refuse(f"the log lasts {duration:.3g} s", "file", f"record {SHORT:.0f} s or more")
+        return
+    if duration < SHORT:
+        record.warn(f"the log lasts only {duration:.3g} s", "file", f"record {SHORT:.0f} s or more")
+    velocity = body_velocity(record) * [1, 1, record.platform.lever]
+    rms = np.sqrt(np.mean(velocity**2, axis=0))
+    if rms.max() < REST:
+        record.refuse(
+            f"the robot hardly moves: {rms.max() * 1e3:.2g} mm/s rms",
+            "whole log",
+            "record a motion on all axes",
+        )
+        return
+    for axis in np.flatnonzero(rms < REST):
+        record.warn(
+            f"hardly any {AXES[axis]} motion: {rms[axis] * 1e3:.2g} mm/s rms at the wheels",
+            "whole log",
+            "what acts on that axis alone cannot be found",
+        )
+
+
+def body_velocity(record: Record) -> np.ndarray:
+    """(N, 3) body velocities: the independent measurement, else from the wheels."""
+    if "body_velocity" in record.channels:
+        return record.channels["body_velocity"]
+    return record.channels["wheel_velocity"] @ np.linalg.pinv(record.platform.jacobian_array).T

@@ -1,0 +1,131 @@
+"""The working copy of a log while the doctor examines it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ident.doctor.finding import Finding, LogError
+from youbot_env.platform import Platform
+
+BODY = ("body_velocity_x", "body_velocity_y", "yaw_rate")
+REFERENCE = ("reference_vx", "reference_vy", "reference_yaw_rate")
+POSE = ("x", "y", "yaw")
+WHEEL_CHANNELS = (
+    "wheel_velocity",
+    "wheel_position",
+    "wheel_torque",
+    "wheel_current",
+    "wheel_voltage",
+    "wheel_duty",
+)
+
+
+def channel_columns(platform: Platform) -> dict[str, tuple[str, ...]]:
+    """Log names of the columns of each channel, in order."""
+    wheels = {
+        channel: tuple(f"{channel}_{wheel}" for wheel in platform.wheel_names)
+        for channel in WHEEL_CHANNELS
+    }
+    body = {"body_velocity": BODY, "reference": REFERENCE, "pose": POSE}
+    return {**wheels, **body, "battery_voltage": ("battery_voltage",)}
+
+
+@dataclass
+class Record:
+    """Channels of a log on their way to SI units and paper signs.
+
+    Attributes:
+        source: file name, for messages.
+        platform: wheel table.
+        kt: torque constant of a motor, N m/A, or None where not given.
+        gear: motor turns per wheel turn, or None.
+        time: (N,) as found, then s.
+        lines: (N,) place of each sample in the file.
+        unit_of_place: what ``lines`` counts.
+        channels: (N, k) arrays by channel name.
+        columns: names in the file, by channel.
+        breaks: (N,) true where a sample does not follow from the one before.
+        findings: what was noticed so far.
+    """
+
+    source: str
+    platform: Platform
+    time: np.ndarray
+    lines: np.ndarray
+    unit_of_place: str = "line"
+    kt: float | None = None
+    gear: float | None = None
+    channels: dict[str, np.ndarray] = field(default_factory=dict)
+    columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    breaks: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    findings: list[Finding] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if not len(self.breaks):
+            self.breaks = np.zeros(len(self.time), bool)
+
+    def get(self, channel: str) -> np.ndarray | None:
+        """Return a channel, or None where the log has none."""
+        return self.channels.get(channel)
+
+    @property
+    def dt(self) -> float:
+        """Median sample time, s."""
+        return float(np.median(np.diff(self.time)))
+
+    def place(self, row: int, channel: str | None = None, column: int = 0) -> str:
+        """Say where a sample stands in the file."""
+        text = f"{self.unit_of_place} {self.lines[row]}"
+        return f"{text}, column {self.columns[channel][column]}" if channel else text
+
+    def name(self, channel: str, columns: list[int] | np.ndarray | None = None) -> str:
+        """Names in the file of (some of) the columns of a channel."""
+        names = self.columns[channel]
+        chosen = names if columns is None else [names[int(k)] for k in columns]
+        return ("column " if len(chosen) == 1 else "columns ") + ", ".join(chosen)
+
+    def fixed(self, what: str, where: str, remedy: str) -> None:
+        """Tell about a correction that was made."""
+        self.findings.append(Finding("fixed", what, where, remedy))
+
+    def warn(self, what: str, where: str, remedy: str) -> None:
+        """Tell about something unusual that was left as it is."""
+        self.findings.append(Finding("warning", what, where, remedy))
+
+    def refuse(self, what: str, where: str, remedy: str) -> None:
+        """Note an error; the examination stops at the end of the present check."""
+        self.findings.append(Finding("error", what, where, remedy))
+
+    def stop_on_error(self) -> None:
+        """Raise ``LogError`` when an error was noted."""
+        if any(finding.severity == "error" for finding in self.findings):
+            raise LogError(self.source, self.findings)
+
+    def drop(self, rows: np.ndarray, split: bool) -> None:
+        """Leave samples out.
+
+        Args:
+            rows: (N,) true for samples that go.
+            split: whether the log is broken there.
+        """
+        keep = ~rows
+        breaks = self.breaks.copy()
+        if split:
+            breaks[1:] |= rows[:-1] & keep[1:]
+        self.time, self.lines, self.breaks = self.time[keep], self.lines[keep], breaks[keep]
+        self.channels = {name: array[keep] for name, array in self.channels.items()}
+
+    def reorder(self, order: np.ndarray) -> None:
+        """Put the samples into another order."""
+        self.time, self.lines = self.time[order], self.lines[order]
+        self.channels = {name: array[order] for name, array in self.channels.items()}
+
+
+def runs(flags: np.ndarray) -> list[tuple[int, int]]:
+    """Stretches ``[begin, end)`` in which flags are true."""
+    edges = np.diff(np.concatenate([[0], flags.astype(np.int8), [0]]))
+    return list(
+        zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True)
+    )

@@ -1,0 +1,33 @@
+"""What a loader hands to the doctor: the columns of a file, unchecked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ident.doctor.finding import Finding
+
+
+@dataclass
+class Table:
+    """Columns as they stand in a file, before any check.
+
+    Attributes:
+        columns: by name in the file; text (polars Series of strings) or numbers (NumPy), N each.
+        lines: (N,) place of each row in the file, for messages.
+        unit_of_place: what ``lines`` counts ("line" of a text file, "row" or "message").
+        names: log names of foreign columns, ``{log name: column}``.
+        findings: what the loader had to put right.
+    """
+
+    columns: dict[str, Any]
+    lines: np.ndarray
+    unit_of_place: str = "line"
+    names: dict[str, str] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+
+    def tell(self, what: str, where: str, remedy: str) -> None:
+        """Add a finding about something that was put right."""
+        self.findings.append(Finding("fixed", what, where, remedy))

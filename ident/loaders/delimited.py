@@ -1,0 +1,184 @@
+"""Text tables: CSV with comma, semicolon or tab, ``#`` comments, names in the first line."""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from ident.loaders.base import Loader, Table, head, refuse
+from youbot_env.platform import Platform
+
+SEPARATORS = (",", ";", "\t")
+MOST_COLUMNS = 2000
+NUMBER = re.compile(
+    r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE
+)
+
+
+class DelimitedLoader(Loader):
+    """CSV and its relatives; whatever looks like text is tried with it."""
+
+    identifier = "csv"
+    title = "CSV (comma, semicolon or tab)"
+    priority = -10
+
+    def recognises(self, path: Path) -> bool:
+        """Text, an empty file (refused with its own words), or a name that promises a table."""
+        if not path.is_file():
+            return False
+        first = head(path)
+        return b"\0" not in first or path.suffix.lower() in (".csv", ".tsv", ".txt")
+
+    def read(self, path: Path, platform: Platform) -> Table:
+        """Read all cells as text; the doctor turns them into numbers and names bad ones."""
+        return parse(_text(path), path)
+
+
+def header(path: Path) -> list[str]:
+    """Column names of a text table, as cheaply as possible; empty where there are none."""
+    first = head(path)
+    if not first or b"\0" in first:
+        return []
+    for line in first.decode("utf-8-sig", "replace").splitlines():
+        if line.strip() and not line.lstrip().startswith("#"):
+            return _split(line, _separator(line))
+    return []
+
+
+def _text(path: Path) -> bytes:
+    data = path.read_bytes()
+    if not data.strip():
+        raise refuse(path, "the file is empty", "line 1", "record again or check the copy")
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        data = data.decode("utf-16").encode()
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if (place := data.find(b"\0")) >= 0:
+        line = data.count(b"\n", 0, place) + 1
+        raise refuse(
+            path,
+            f"byte {place} is NUL: a binary or damaged file",
+            f"line {line}",
+            "give a text table, or the file under the name of its own format",
+        )
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return data if data.endswith(b"\n") else data + b"\n"
+
+
+def _separator(line: str) -> str:
+    return max(SEPARATORS, key=line.count)
+
+
+def _split(line: str, separator: str) -> list[str]:
+    return [name.strip().strip("\"'").strip() for name in line.split(separator)]
+
+
+def parse(data: bytes, path: Path) -> Table:
+    """Find header and rows in the bytes of a text table; ``path`` is named in errors."""
+    ends = np.flatnonzero(np.frombuffer(data, np.uint8) == ord("\n"))
+    begins = np.concatenate([[0], ends[:-1] + 1])
+    number, names, separator = _header(data, begins, ends, path)
+    table = Table({}, np.empty(0, int))
+    begins, ends = begins[number:], ends[number:]
+    lines = np.arange(number + 1, number + 1 + len(begins))
+    if not len(lines):
+        raise refuse(path, "there is no row after the names", f"line {number}", "record again")
+    body = data[begins[0] :]
+    first = np.frombuffer(data, np.uint8)[begins]
+    keep = (first != ord("#")) & (ends > begins)
+    cells = _cells(data, separator, begins, ends)
+    if keep.any() and np.all(cells[keep][:-1] == len(names) + 1) and len(names) > 1:
+        names = [*names, ""]  # a separator at the end of each row
+    wrong = keep & (cells != len(names))
+    if wrong.any():
+        _ragged(table, path, wrong, cells, lines, names, separator)
+        keep &= ~wrong
+    if not keep.all():
+        pairs = zip(begins[keep], ends[keep], strict=True)
+        body = b"\n".join(data[begin:end] for begin, end in pairs) + b"\n"
+        lines = lines[keep]
+    if not len(lines):
+        raise refuse(path, "there is no row after the names", f"line {number}", "record again")
+    unique = [f"{index}" for index in range(len(names))]
+    frame = pl.read_csv(
+        io.BytesIO(body),
+        has_header=False,
+        separator=separator,
+        quote_char=None,
+        infer_schema=False,
+        new_columns=unique,
+    )
+    table.lines = lines
+    for name, column in zip(names, unique, strict=True):
+        if name or frame[column].null_count() < len(frame):
+            table.columns[name or "(no name)"] = frame[column]
+    return table
+
+
+def _header(data: bytes, begins, ends, path: Path) -> tuple[int, list[str], str]:
+    """Return (lines up to and with the names, names, separator)."""
+    comment = ""
+    for number, (begin, end) in enumerate(zip(begins, ends, strict=True), 1):
+        line = data[begin:end].decode("utf-8", "replace").strip("\n ")
+        if line.startswith("#"):
+            comment = line.lstrip("# ")
+            continue
+        if not line.strip():
+            continue
+        separator = _separator(line)
+        names = _split(line, separator)
+        if all(NUMBER.match(name) or not name for name in names):
+            above = _split(comment, separator)
+            if comment and len(above) == len(names):
+                return number - 1, above, separator
+            raise refuse(
+                path,
+                f"it begins with {names[0]!r} where the column names belong",
+                f"line {number}",
+                "put the names of the columns (time, wheel_velocity_fl, ...) into the first line",
+            )
+        break
+    else:
+        raise refuse(path, "there are only comments", "file", "record again")
+    where = f"line {number}"
+    if len(names) == 1:
+        raise refuse(
+            path,
+            f"only one column name, {names[0][:60]!r}",
+            where,
+            "separate columns by comma, semicolon or tab",
+        )
+    if len(names) > MOST_COLUMNS:
+        raise refuse(path, f"{len(names)} columns", where, f"a log has at most {MOST_COLUMNS}")
+    if any("\ufffd" in name or not name.isprintable() for name in names):
+        raise refuse(path, f"names are not text: {names[0][:20]!r}", where, "give a text table")
+    lower = [name.lower() for name in names if name]
+    twice = sorted({name for name in lower if lower.count(name) > 1})
+    if twice:
+        raise refuse(path, f"columns {twice} stand there twice", where, "rename or delete one")
+    return number, names, separator
+
+
+def _cells(data: bytes, separator: str, begins, ends) -> np.ndarray:
+    """Count the cells of each line."""
+    places = np.flatnonzero(np.frombuffer(data, np.uint8) == ord(separator))
+    return np.searchsorted(places, ends) - np.searchsorted(places, begins) + 1
+
+
+def _ragged(table: Table, path: Path, wrong, cells, lines, names, separator) -> None:
+    """Drop a truncated last line and a few broken ones; refuse more."""
+    places = np.flatnonzero(wrong)
+    one = places[0]
+    text = f"{cells[one]} cells where the names are {len(names)}"
+    where = f"line {lines[one]}"
+    if len(places) > max(1, 0.01 * len(lines)):
+        hint = "write decimal points, not commas" if separator == "," else "repair the file"
+        if np.all(cells[places] == 1):
+            hint = "use one separator in the whole file"
+        raise refuse(path, f"{text}; {len(places)} lines are broken", where, hint)
+    what = f"{text}; the file is cut off there" if one == len(lines) - 1 else text
+    table.tell(f"{what} ({len(places)} such lines)", where, "broken lines left out")

@@ -1,0 +1,235 @@
+"""A measured record of a platform in motion: one table in SI units and paper signs.
+
+Frames: body X forward, Y left, yaw counter-clockwise; a positive wheel velocity or torque drives
+the robot forward.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import os
+import tempfile
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from ident.doctor import Finding, LogError, examine
+from ident.doctor.record import channel_columns
+from ident.loaders import read
+from youbot_env.platform import Platform, youbot
+
+CHANNELS = (
+    "wheel_velocity",
+    "body_velocity",
+    "wheel_torque",
+    "wheel_voltage",
+    "reference",
+    "pose",
+    "battery_voltage",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A measured record with N samples of a platform with n wheels.
+
+    Attributes:
+        name: shown in tables; the stem of the file.
+        platform: wheel table; its wheel names end the column names.
+        time: (N,) s, strictly rising, starting anywhere.
+        wheel_velocity: (N, n) rad/s, or None.
+        body_velocity: (N, 3) V_X, V_Y m/s, Omega rad/s, measured independently of the wheels, or
+            None.
+        wheel_torque: (N, n) N m, or None.
+        wheel_voltage: (N, n) V, or None.
+        reference: (N, 3) commanded body velocity, m/s, m/s, rad/s, or None.
+        pose: (N, 3) x, y m, yaw rad (without jumps), world frame, or None.
+        battery_voltage: (N,) V, or None.
+        starts: samples at which a contiguous piece begins, the first being 0.
+        findings: what the doctor noticed.
+        digest: SHA-256 of the file in hexadecimal digits; empty for a log not read from a file.
+        source: name of the file.
+    """
+
+    name: str
+    platform: Platform
+    time: np.ndarray
+    wheel_velocity: np.ndarray | None = None
+    body_velocity: np.ndarray | None = None
+    wheel_torque: np.ndarray | None = None
+    wheel_voltage: np.ndarray | None = None
+    reference: np.ndarray | None = None
+    pose: np.ndarray | None = None
+    battery_voltage: np.ndarray | None = None
+    starts: tuple[int, ...] = (0,)
+    findings: tuple[Finding, ...] = ()
+    digest: str = ""
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        count, wheels = len(self.time), len(self.platform.wheels)
+        shapes = dict.fromkeys(CHANNELS, (count, 3))
+        shapes |= dict.fromkeys([c for c in CHANNELS if c.startswith("wheel")], (count, wheels))
+        shapes |= {"battery_voltage": (count,), "time": (count,)}
+        for channel, shape in shapes.items():
+            value = getattr(self, channel)
+            if value is None:
+                continue
+            array = np.array(value, float)
+            if array.shape != shape:
+                raise ValueError(
+                    f"log {self.name!r}: {channel} has shape {array.shape}, it needs {shape}"
+                )
+            array.flags.writeable = False
+            object.__setattr__(self, channel, array)
+        if self.wheel_velocity is None and self.body_velocity is None:
+            raise ValueError(f"log {self.name!r} has no velocities; give wheels' or body's")
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path,
+        platform: Platform | None = None,
+        mapping: dict[str, str] | None = None,
+        kt: float | None = None,
+        gear: float | None = None,
+        strict: bool = False,
+    ) -> Log:
+        """Read a log of any known format; every one passes the doctor.
+
+        Args:
+            path: file or folder.
+            platform: wheel table; the youBot by default.
+            mapping: ``{log name: column}`` for foreign headers.  A column may carry a minus and a
+                unit: ``{"wheel_velocity_fl": "-left_front [rpm]"}``.
+            kt: torque constant of a motor, N m/A, where the log holds currents.
+            gear: motor turns per wheel turn, where the log holds currents.
+            strict: refuse warnings as well.
+
+        Raises:
+            LogError: the log cannot be used; the message names row, column, value and remedy.
+        """
+        path, platform = Path(path), platform or youbot()
+        record = examine(read(path, platform), path.name, platform, mapping, kt, gear)
+        findings = tuple(record.findings)
+        if strict and any(finding.severity == "warning" for finding in findings):
+            raise LogError(path.name, [f for f in findings if f.severity == "warning"])
+        values = {channel: record.get(channel) for channel in CHANNELS}
+        if values["battery_voltage"] is not None:
+            values["battery_voltage"] = values["battery_voltage"][:, 0]
+        if values["pose"] is not None:
+            values["pose"][:, 2] = np.unwrap(values["pose"][:, 2])
+        return cls(
+            name=path.stem,
+            platform=platform,
+            time=record.time,
+            **values,
+            starts=(0, *(np.flatnonzero(record.breaks[1:]) + 1).tolist()),
+            findings=findings,
+            digest=_digest(path),
+            source=path.name,
+        )
+
+    @property
+    def dt(self) -> float:
+        """Median sample time, s."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def duration(self) -> float:
+        """Time from first to last sample, s."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def drive(self) -> str:
+        """What drives the wheels: ``"torque"`` or ``"voltage"``.
+
+        Raises:
+            ValueError: the log has neither.
+        """
+        if self.wheel_torque is not None:
+            return "torque"
+        if self.wheel_voltage is not None:
+            return "voltage"
+        raise ValueError(f"log {self.name!r} has neither wheel torques nor voltages")
+
+    def velocity(self) -> np.ndarray:
+        """(N, 3) body velocities, m/s, m/s, rad/s.
+
+        The independent measurement where there is one, else least squares from the wheel speeds.
+        """
+        if self.body_velocity is not None:
+            return self.body_velocity
+        return self.wheel_velocity @ np.linalg.pinv(self.platform.jacobian_array).T
+
+    def pieces(self) -> list[Log]:
+        """Contiguous pieces, in order; the log itself where it has no gap."""
+        edges = [*self.starts, len(self.time)]
+        if len(edges) == 2:
+            return [self]
+        pairs = enumerate(itertools.pairwise(edges), 1)
+        return [self._rows(slice(a, b), f"{self.name}#{k}") for k, (a, b) in pairs]
+
+    def part(self, t0: float, t1: float) -> Log:
+        """Samples with ``t0 <= time < t1``, s, in the log's own time.
+
+        Raises:
+            ValueError: fewer than two samples lie there.
+        """
+        a, b = np.searchsorted(self.time, [t0, t1])
+        if b - a < 2:
+            raise ValueError(
+                f"log {self.name!r} has {b - a} samples from {t0} to {t1} s; it runs from "
+                f"{self.time[0]:.6g} to {self.time[-1]:.6g} s"
+            )
+        return self._rows(slice(int(a), int(b)), self.name)
+
+    def _rows(self, rows: slice, name: str) -> Log:
+        values = {channel: getattr(self, channel) for channel in ("time", *CHANNELS)}
+        cut = {channel: None if v is None else v[rows] for channel, v in values.items()}
+        inside = (s - rows.start for s in self.starts if rows.start < s < rows.stop)
+        return replace(self, **cut, name=name, starts=(0, *inside))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the log as CSV, whole or not at all, and return the path."""
+        import polars as pl
+
+        columns = {"time": self.time}
+        for channel, names in channel_columns(self.platform).items():
+            value = getattr(self, channel) if channel in CHANNELS else None
+            if value is not None:
+                columns |= dict(zip(names, value.reshape(len(value), -1).T, strict=True))
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                pl.DataFrame(columns).write_csv(stream)
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+        return path
+
+    def __repr__(self) -> str:
+        there = [field.name for field in fields(self) if field.name in CHANNELS]
+        there = ", ".join(name for name in there if getattr(self, name) is not None)
+        return (
+            f"Log({self.name!r}, {len(self.time)} samples, {self.duration:.4g} s, "
+            f"{1 / self.dt:.4g} Hz: {there})"
+        )
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of a file, or of the names and contents of all files of a folder."""
+    digest = hashlib.sha256()
+    for file in [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file()):
+        if path.is_dir():
+            digest.update(file.relative_to(path).as_posix().encode())
+        with file.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
