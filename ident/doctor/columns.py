@@ -150,6 +150,8 @@ def _numbers(cells, column: str, record: Record) -> np.ndarray:
     """Turn cells into floats; missing ones become NaN, other text is refused by line."""
     if not isinstance(cells, pl.Series):
         return np.asarray(cells, float)
+    if cells.dtype.is_numeric():
+        return cells.cast(pl.Float64).fill_null(np.nan).to_numpy().copy()
     numbers = cells.cast(pl.Float64, strict=False)
     if numbers.null_count():
         text = cells.fill_null("").str.strip_chars(" \"'\t").str.to_lowercase()

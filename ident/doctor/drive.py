@@ -9,6 +9,7 @@ from ident.doctor.record import Record, runs
 YOUBOT_KT, YOUBOT_GEAR = 0.0335, 9405 / 364  # N m/A and motor turns a wheel turn, from its driver
 MOST_AMPERE = 60.0  # beyond that the numbers are milliampere
 DEAD_BATTERY = 1.0  # V
+MOST_PERCENT = 150.0  # beyond that a duty is neither a fraction nor per cent
 
 
 def check_drive(record: Record) -> None:
@@ -49,7 +50,7 @@ def _current(record: Record) -> None:
 def _duty(record: Record) -> None:
     duty, where = record.channels["wheel_duty"], record.name("wheel_duty")
     largest = float(np.percentile(np.abs(duty), 99.5))
-    if largest > 100.5:
+    if largest > MOST_PERCENT:
         record.refuse(f"duty up to {largest:.4g}", where, "give duty as a fraction, -1 to 1")
         return
     if largest > 3.0:

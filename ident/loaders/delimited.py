@@ -51,7 +51,7 @@ def header(path: Path) -> list[str]:
 
 def _text(path: Path) -> bytes:
     data = path.read_bytes()
-    if not data.strip():
+    if not (data[:4096].strip() or data.strip()):
         raise refuse(path, "the file is empty", "line 1", "record again or check the copy")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16").encode()
@@ -104,19 +104,24 @@ def parse(data: bytes, path: Path) -> Table:
     if not len(lines):
         raise refuse(path, "there is no row after the names", f"line {number}", "record again")
     unique = [f"{index}" for index in range(len(names))]
-    frame = pl.read_csv(
-        io.BytesIO(body),
-        has_header=False,
-        separator=separator,
-        quote_char=None,
-        infer_schema=False,
-        new_columns=unique,
-    )
+    frame = _frame(body, separator, unique)
     table.lines = lines
     for name, column in zip(names, unique, strict=True):
         if name or frame[column].null_count() < len(frame):
             table.columns[name or "(no name)"] = frame[column]
     return table
+
+
+def _frame(body: bytes, separator: str, names: list[str]) -> pl.DataFrame:
+    """Read cells as numbers, or all as text where one is no number."""
+    options = {"has_header": False, "separator": separator, "quote_char": None,
+               "new_columns": names, "infer_schema": False}  # fmt: skip
+    try:
+        return pl.read_csv(
+            io.BytesIO(body), schema_overrides=dict.fromkeys(names, pl.Float64), **options
+        )
+    except pl.exceptions.ComputeError:
+        return pl.read_csv(io.BytesIO(body), **options)
 
 
 def _header(data: bytes, begins, ends, path: Path) -> tuple[int, list[str], str]:

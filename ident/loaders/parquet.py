@@ -1,0 +1,41 @@
+"""Parquet tables with the column names of a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ident.loaders.base import Loader, Table, head, refuse
+from youbot_env.platform import Platform
+
+
+class ParquetLoader(Loader):
+    """One Parquet file."""
+
+    identifier = "parquet"
+    title = "Parquet"
+
+    def recognises(self, path: Path) -> bool:
+        """The file says so itself, or its name does."""
+        return path.is_file() and (head(path, 4) == b"PAR1" or path.suffix == ".parquet")
+
+    def read(self, path: Path, platform: Platform) -> Table:
+        """Read all columns; numbers stay numbers, text goes through the same checks as CSV."""
+        import polars as pl
+
+        try:
+            frame = pl.read_parquet(path)
+        except (pl.exceptions.PolarsError, OSError, ValueError) as error:
+            text = str(error).splitlines()[0]
+            raise refuse(path, f"damaged Parquet ({text})", "file", "copy it again") from error
+        if not len(frame):
+            raise refuse(path, "there is no row", "file", "record again")
+        table = Table({}, np.arange(1, len(frame) + 1), "row")
+        for name, column in zip(frame.columns, frame.iter_columns(), strict=True):
+            if column.dtype == pl.Duration:
+                column = column.dt.total_nanoseconds().cast(pl.Float64) * 1e-9
+            elif column.dtype == pl.Datetime:
+                column = column.dt.epoch("ns").cast(pl.Float64) * 1e-9
+            table.columns[name] = column
+        return table

@@ -1,0 +1,64 @@
+"""What is taken from each type of ROS message."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+
+def joint_values(message, names: list[str]) -> list[float] | None:
+    """Position, velocity and effort of the named joints; None when one is absent.
+
+    The topic is shared with the arm and carries casters, so joints are found by name.
+    """
+    there = {name: place for place, name in enumerate(message.name)}
+    if not all(name in there for name in names):
+        return None
+    places = [there[name] for name in names]
+    row = []
+    for values in (message.position, message.velocity, message.effort):
+        row += [float(values[p]) if p < len(values) else np.nan for p in places]
+    return row
+
+
+def _twist(twist) -> list[float]:
+    return [twist.linear.x, twist.linear.y, twist.angular.z]
+
+
+def _pose(pose) -> list[float]:
+    q = pose.orientation
+    yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
+    return [pose.position.x, pose.position.y, yaw]
+
+
+TWIST = ("linear.x", "linear.y", "angular.z")
+POSE = ("x", "y", "yaw")
+# Message type: (names of the fields, how to take them, whether the value is held until the next,
+# place of an angle that must not jump).
+FIELDS = {
+    "geometry_msgs/msg/Twist": (TWIST, _twist, True, None),
+    "geometry_msgs/msg/TwistStamped": (TWIST, lambda m: _twist(m.twist), True, None),
+    "geometry_msgs/msg/PoseStamped": (POSE, lambda m: _pose(m.pose), False, 2),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": (POSE, lambda m: _pose(m.pose.pose), False, 2),
+    "nav_msgs/msg/Odometry": (POSE, lambda m: _pose(m.pose.pose), False, 2),
+    "sensor_msgs/msg/BatteryState": (("voltage",), lambda m: [m.voltage], False, None),
+}
+# Log names, message types in order of preference, a word that a good topic name holds.
+PREFERENCE = (
+    (
+        ("reference_vx", "reference_vy", "reference_yaw_rate"),
+        ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"),
+        "cmd_vel",
+    ),
+    (
+        POSE,
+        (
+            "geometry_msgs/msg/PoseStamped",
+            "geometry_msgs/msg/PoseWithCovarianceStamped",
+            "nav_msgs/msg/Odometry",
+        ),
+        "base",
+    ),
+    (("battery_voltage",), ("sensor_msgs/msg/BatteryState",), "battery"),
+)
