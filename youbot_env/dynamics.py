@@ -64,9 +64,9 @@ def centripetal(theta: Theta, v: tuple) -> tuple:
     wheels adds no such term.
     """
     vx, vy, om = v
-    fx = -om * (theta.m0 * vy + theta.max * om)
-    fy = om * (theta.m0 * vx - theta.may * om)
-    return fx, fy, om * (theta.may * vy + theta.max * vx)
+    px = theta.m0 * vx - theta.may * om
+    py = theta.m0 * vy + theta.max * om
+    return -om * py, om * px, vx * py - vy * px
 
 
 def friction(geometry: Geometry, theta: Theta, v: tuple) -> tuple:
@@ -84,33 +84,50 @@ def symmetric_product(upper: tuple, v: tuple) -> tuple:
     )
 
 
-def symmetric_inverse(upper: tuple) -> tuple:
-    """Invert a symmetric positive definite 3x3 matrix given by its upper triangle."""
+class Factors(NamedTuple):
+    """A symmetric 3x3 matrix as ``L diag(1/r) L'`` with unit lower triangular L."""
+
+    l21: Any
+    l31: Any
+    l32: Any
+    reciprocals: tuple
+
+
+def factorize(upper: tuple) -> Factors:
+    """Factorize a symmetric positive definite 3x3 matrix given by its upper triangle."""
     xx, xy, xo, yy, yo, oo = upper
-    minors = (
-        yy * oo - yo * yo,
-        xo * yo - xy * oo,
-        xy * yo - xo * yy,
-        xx * oo - xo * xo,
-        xy * xo - xx * yo,
-        xx * yy - xy * xy,
-    )
-    determinant = xx * minors[0] + xy * minors[1] + xo * minors[2]
-    return tuple(minor / determinant for minor in minors)
+    l21, l31 = xy / xx, xo / xx
+    second = yy - l21 * xy
+    l32 = (yo - l31 * xy) / second
+    third = oo - l31 * xo - l32 * l32 * second
+    return Factors(l21, l31, l32, (1.0 / xx, 1.0 / second, 1.0 / third))
+
+
+def solve(factors: Factors, right: tuple) -> tuple:
+    """Solve ``A z = right`` for the matrix of the factors."""
+    l21, l31, l32, (r1, r2, r3) = factors
+    y1, y2, y3 = right
+    coupled = not (isinstance(l21, float) and l21 == 0.0)
+    if coupled:
+        y2 = y2 - l21 * y1
+    z3 = r3 * (y3 - l31 * y1 - l32 * y2)
+    z2 = r2 * y2 - l32 * z3
+    z1 = r1 * y1 - l31 * z3
+    return (z1 - l21 * z2 if coupled else z1), z2, z3
 
 
 class Inertia(NamedTuple):
     """What the forward dynamics need and what does not change while the robot moves."""
 
     theta: Theta
-    inverse_mass: tuple
+    mass: Factors
     damping: tuple
 
 
 def prepare(geometry: Geometry, theta: Theta) -> Inertia:
-    """Invert the mass matrix and collect the damping once for many evaluations."""
-    inverse = symmetric_inverse(mass_matrix(geometry, theta))
-    return Inertia(theta, inverse, damping_matrix(geometry, theta))
+    """Factorize the mass matrix and collect the damping once for many evaluations."""
+    mass = factorize(mass_matrix(geometry, theta))
+    return Inertia(theta, mass, damping_matrix(geometry, theta))
 
 
 def acceleration(inertia: Inertia, v: tuple, wrench: tuple) -> tuple:
@@ -118,7 +135,7 @@ def acceleration(inertia: Inertia, v: tuple, wrench: tuple) -> tuple:
     quadratic = centripetal(inertia.theta, v)
     viscous = symmetric_product(inertia.damping, v)
     net = tuple(w - c - d for w, c, d in zip(wrench, quadratic, viscous, strict=True))
-    return symmetric_product(inertia.inverse_mass, net)
+    return solve(inertia.mass, net)
 
 
 def kinetic_energy(geometry: Geometry, theta: Theta, v: tuple):

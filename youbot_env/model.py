@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from youbot_env.dynamics import Theta
 from youbot_env.effects import Effect, get_effect
 from youbot_env.parameters import Parameters
 from youbot_env.platform import Platform
@@ -81,6 +82,17 @@ class Model:
         """Values in the order of ``names()``."""
         flat = [value for active in self.effects for value in active.values.values()]
         return (*self.parameters.theta(self.platform), *flat)
+
+    def with_values(self, values, name: str | None = None) -> Model:
+        """Return a copy with other values, given in the order of ``names()``; nothing is checked."""
+        values, at, effects = [float(v) for v in values], 7, []
+        for active in self.effects:
+            size = len(active.values)
+            chosen = dict(zip(active.values, values[at : at + size], strict=True))
+            effects.append(ActiveEffect(active.effect, chosen))
+            at += size
+        parameters = Parameters.from_theta(Theta(*values[:7]), self.platform)
+        return replace(self, parameters=parameters, effects=tuple(effects), name=name or self.name)
 
     def check(self) -> Model:
         """Return self when physically possible, else raise ``ImpossibleParameters``."""

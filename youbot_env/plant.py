@@ -114,6 +114,8 @@ class Robot:
                          "slip", "measure")
         }  # fmt: skip
         self.simple = not bound
+        self.reads_pose = any(effect.needs_pose for _, effect, _ in bound)
+        self.reads_wheel_angle = any(effect.needs_wheel_angle for _, effect, _ in bound)
         self._constant = not (self._hooks["inertial"] or self._hooks["kinematics"])
         self.inertia: Inertia | None = (
             dynamics.prepare(self.geometry, theta) if self._constant else None
@@ -180,12 +182,15 @@ class Robot:
         inertia = self.inertia or dynamics.prepare(s.geometry, s.theta)
         return dynamics.acceleration(inertia, s.v, wrench)
 
-    def wheel_velocity(self, s: Signals, ops: Ops) -> tuple:
+    def wheel_velocity(self, s: Signals, ops: Ops, internal: tuple | None = None) -> tuple:
         """Wheel speeds that an encoder sees, rad/s: J v and slip.
 
-        Slip follows from the torques that ``wrench`` has left in s; call it before.
+        Slip depends on the torque that reaches the floor; give ``internal`` where ``wrench`` has
+        not been evaluated on these signals before.
         """
         speed = s.wheel_velocity
+        if self._hooks["slip"] and internal is not None:
+            self.wrench(self.deliver(s, internal, 0.0, ops)[0], s, internal, ops)
         for _, effect, p in self._hooks["slip"]:
             speed = _sum(speed, effect.slip(p, s, ops))
         return speed
@@ -197,7 +202,7 @@ def _sum(a: tuple, b: tuple) -> tuple:
 
 def pose_rate(v: tuple, yaw, ops: Ops) -> tuple:
     """World velocities (x', y', yaw') of body velocities v at heading yaw."""
-    c, s = ops.cos(yaw), ops.sin(yaw)
+    c, s = ops.cos_sin(yaw)
     return v[0] * c - v[1] * s, v[0] * s + v[1] * c, v[2]
 
 
@@ -209,10 +214,12 @@ def rk4_step(robot: Robot, state: State, command: tuple, h, t, ops: Ops) -> Stat
     """
     size = len(state.wheel_angle)
     start = (*state.pose, *state.velocity, *state.wheel_angle)
+    # Where nobody reads position or wheel angles their values between start and end are not needed.
+    moving = (robot.reads_pose,) * 2 + (True,) * 4 + (robot.reads_wheel_angle,) * size
     fixed = robot.geometry.wrench(command) if robot.simple else None
-    origin = None if robot.simple else robot.signals(
-        t, state.velocity, state.pose, state.wheel_angle, command, ops
-    )  # fmt: skip
+    origin = None
+    if not robot.simple:
+        origin = robot.signals(t, state.velocity, state.pose, state.wheel_angle, command, ops)
 
     def rates(flat: tuple, elapsed) -> tuple[tuple, tuple]:
         v = flat[3:6]
@@ -226,16 +233,17 @@ def rk4_step(robot: Robot, state: State, command: tuple, h, t, ops: Ops) -> Stat
         speeds = robot.wheel_velocity(s, ops) if size else ()
         return (*pose_rate(v, flat[2], ops), *change, *speeds), internal
 
+    def shifted(step, slope: tuple) -> list:
+        pairs = zip(start, slope, moving, strict=True)
+        return [q + step * k if used else q for q, k, used in pairs]
+
     half = h / 2
     k1, _ = rates(start, 0.0 * h)
-    k2, _ = rates(tuple(q + half * k for q, k in zip(start, k1, strict=True)), half)
-    k3, _ = rates(tuple(q + half * k for q, k in zip(start, k2, strict=True)), half)
-    k4, internal = rates(tuple(q + h * k for q, k in zip(start, k3, strict=True)), h)
-    sixth = h / 6
-    end = tuple(
-        q + sixth * (a + 2 * (b + c) + d)
-        for q, a, b, c, d in zip(start, k1, k2, k3, k4, strict=True)
-    )
+    k2, _ = rates(shifted(half, k1), half)
+    k3, _ = rates(shifted(half, k2), half)
+    k4, internal = rates(shifted(h, k3), h)
+    slopes, sixth = zip(start, k1, k2, k3, k4, strict=True), h / 6
+    end = tuple([q + sixth * (a + 2 * (b + c) + d) for q, a, b, c, d in slopes])
     return State(end[:3], end[3:6], end[6:], internal)
 
 

@@ -21,8 +21,8 @@ class Wheel:
     Attributes:
         name: corner or place, ends the column names of a log (``wheel_velocity_<name>``).
         x, y: wheel centre in the body frame, m.
-        roller_angle: angle of the roller axis against the wheel axis, rad (0 for an omni wheel,
-            -45 or +45 degrees for a mecanum wheel).
+        roller_angle: angle of the roller axis from the rolling direction, rad (0 for an omni
+            wheel, -45 or +45 degrees for a mecanum wheel).
         heading: direction in which the wheel rolls, rad from body X (0 on a mecanum platform).
     """
 
@@ -37,7 +37,7 @@ class Geometry(NamedTuple):
     """Jacobians in components: each entry is a number, an array or a symbol.
 
     Attributes:
-        jacobian: n rows of three, wheel speeds ``phi' = J v`` with v = (V_X, V_Y, Omega), 1/m and 1.
+        jacobian: n rows of three, wheel speeds ``phi' = J v`` with v = (V_X, V_Y, Omega).
         roller_jacobian: n rows of three, roller rates ``gamma' = G v``.
         wheel_metric: upper triangle (xx, xy, xo, yy, yo, oo) of ``J' J``.
         roller_metric: the same of ``G' G``.
@@ -112,15 +112,15 @@ class Platform:
         for wheel in self.wheels:
             if abs(wheel.roller_angle) >= math.radians(85):
                 raise ValueError(
-                    f"wheel {wheel.name!r}: roller_angle = {wheel.roller_angle} rad; give the angle "
-                    "between roller axis and wheel axis, below 85 degrees"
+                    f"wheel {wheel.name!r}: roller_angle = {wheel.roller_angle} rad must stay below "
+                    "85 degrees; it is 45 degrees on a mecanum wheel and 0 on an omni wheel"
                 )
         xx, xy, xo, yy, yo, oo = self.geometry.wheel_metric
         det = xx * (yy * oo - yo * yo) - xy * (xy * oo - yo * xo) + xo * (xy * yo - yy * xo)
         if not det > 1e-9 * xx * yy * oo:
             raise ValueError(
-                f"platform {self.name!r}: its wheels leave a body motion free (J has rank below 3); "
-                "check positions, headings and roller angles"
+                f"platform {self.name!r}: its wheels leave a body motion free (rank of J below "
+                "3); check positions, headings and roller angles"
             )
 
     @property
@@ -251,7 +251,7 @@ def youbot() -> Platform:
 
 
 def omni3(reach: float = 0.2, wheel_radius: float = 0.05, roller_radius: float = 0.008) -> Platform:
-    """Three omni wheels at 60, 180 and 300 degrees, rolling along a circle of radius ``reach``, m."""
+    """Three omni wheels at 60, 180 and 300 degrees on a circle of radius ``reach``, m."""
     wheels = []
     for name, place in (("left", 60.0), ("rear", 180.0), ("right", 300.0)):
         angle = math.radians(place)

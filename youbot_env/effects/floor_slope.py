@@ -21,6 +21,6 @@ class FloorSlope(Effect):
 
     def body(self, p, s, ops):
         """See the class; the centre of mass adds a yaw moment."""
-        c, n = ops.cos(s.pose[2]), ops.sin(s.pose[2])
+        c, n = ops.cos_sin(s.pose[2])
         gx, gy = GRAVITY * (p.sx * c + p.sy * n), GRAVITY * (p.sy * c - p.sx * n)
         return s.theta.m0 * gx, s.theta.m0 * gy, s.theta.max * gy - s.theta.may * gx

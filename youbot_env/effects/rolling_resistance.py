@@ -1,6 +1,6 @@
 """Rolling resistance of the wheels under their static loads."""
 
-from youbot_env.dynamics import symmetric_inverse, symmetric_product
+from youbot_env.dynamics import factorize, solve
 from youbot_env.effects.base import GRAVITY, Effect, Parameter
 from youbot_env.effects.wheel_coulomb_friction import WIDTH
 
@@ -15,7 +15,7 @@ def static_loads(platform, theta, ops) -> tuple:
     basis = [(1.0, wheel.x, wheel.y) for wheel in platform.wheels]
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
     stiffness = tuple(sum(row[i] * row[j] for row in basis) for i, j in pairs)
-    a, b, c = symmetric_product(symmetric_inverse(stiffness), (theta.m0, theta.max, theta.may))
+    a, b, c = solve(factorize(stiffness), (theta.m0, theta.max, theta.may))
     return tuple(GRAVITY * ops.maximum(a + b * x + c * y, 0.0) for _, x, y in basis)
 
 

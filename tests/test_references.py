@@ -1,0 +1,94 @@
+"""References: derivatives agree with the pose, motions I-IV have the paper's properties."""
+
+import numpy as np
+import pytest
+
+from youbot_env.backend import NUMPY
+from youbot_env.platform import youbot
+from youbot_env.references import REFERENCES, Circle, make_reference
+
+T = np.arange(0.0, 40.0, 1e-3)
+NAMES = [name for name in REFERENCES if name != "step"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_rates_are_derivatives_of_the_pose(name):
+    motion = make_reference(name).sample(T, seed=3)
+    for part, derivative in ((motion.pose, motion.rate), (motion.rate, motion.acceleration)):
+        for value, rate in zip(part, derivative, strict=True):
+            numeric = np.gradient(value, T)
+            # A sequence may change its velocity where two parts meet; everywhere else they agree.
+            close = np.abs(numeric - rate)[2:-2] < 1e-4 * (1 + np.abs(rate[2:-2]))
+            assert close.mean() > 0.999
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_twist_rate_is_the_derivative_of_the_twist(name):
+    motion = make_reference(name).sample(T, seed=3)
+    for value, rate in zip(motion.twist(NUMPY), motion.twist_rate(NUMPY), strict=True):
+        close = np.abs(np.gradient(value, T) - rate)[2:-2] < 2e-4 * (1 + np.abs(rate[2:-2]))
+        assert close.mean() > 0.999
+
+
+def test_step_reverses_without_leaving_its_line():
+    motion = make_reference("step", speed=0.2, frequency=1.0).sample(T)
+    x, y, _ = motion.pose
+    np.testing.assert_allclose(x, y, atol=1e-12)
+    assert x.max() == pytest.approx(0.2 * np.pi / np.sqrt(2), rel=1e-3)
+    assert set(np.round(np.hypot(*motion.rate[:2]), 12)) == {0.2}
+
+
+@pytest.mark.parametrize("name", ["circle", "eight", "multisine", "smooth_random", "III", "IV"])
+def test_speed_is_respected(name):
+    motion = make_reference(name, speed=0.4, frequency=1.0).sample(T, seed=1)
+    assert np.hypot(*motion.rate[:2]).max() <= 0.4 * 1.0001
+
+
+def test_motion_one_and_two_turn_about_their_points():
+    lever = youbot().lever
+    for name, index in (("I", 0), ("II", 1)):
+        vx, vy, om = make_reference(name).sample(T).twist(NUMPY)
+        forward, other = (vx, vy) if index == 0 else (vy, vx)
+        np.testing.assert_allclose(forward, lever * om, atol=1e-12)
+        np.testing.assert_allclose(other, 0.0, atol=1e-12)
+
+
+def test_turns_have_no_mean_cube_of_the_yaw_rate():
+    period = 2 * np.pi / 0.5
+    t = np.linspace(0, period, 20001)[:-1]
+    for name in ("I", "II"):
+        om = make_reference(name, frequency=0.5).sample(t).rate[2]
+        assert abs(np.mean(om)) < 1e-9
+        assert abs(np.mean(om**3)) < 1e-9
+
+
+def test_motion_four_keeps_its_centre_on_a_line_at_constant_speed():
+    motion = make_reference("IV", speed=0.3).sample(T)
+    np.testing.assert_allclose(np.hypot(*motion.rate[:2]), 0.3)
+    vx, vy, om = motion.twist(NUMPY)
+    ax, ay, _ = motion.twist_rate(NUMPY)
+    np.testing.assert_allclose(ax, vy * om, atol=1e-12)
+    np.testing.assert_allclose(ay, -vx * om, atol=1e-12)
+
+
+def test_sequence_joins_its_parts():
+    motion = make_reference("calibration", seconds=40.0).sample(T)
+    for value in motion.pose:
+        assert np.abs(np.diff(value)).max() < 5e-3
+
+
+def test_circle_starts_at_the_origin_whatever_it_draws():
+    for seed in range(5):
+        motion = Circle(speed=(0.1, 0.6), frequency=(0.2, 2.0), random_phase=True).sample(
+            np.zeros(1), seed
+        )
+        np.testing.assert_allclose([motion.pose[0][0], motion.pose[1][0]], 0.0, atol=1e-12)
+
+
+def test_wrong_requests_name_the_value():
+    with pytest.raises(ValueError, match="'spiral'"):
+        make_reference("spiral")
+    with pytest.raises(ValueError, match="speed = -1"):
+        make_reference("circle", speed=-1)
+    with pytest.raises(TypeError, match="radius"):
+        make_reference("circle", radius=1.0)

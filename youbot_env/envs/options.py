@@ -1,0 +1,100 @@
+"""Checks of what a user passes to ``reset`` and ``step``, shared by all environments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from youbot_env.backend import Ops
+from youbot_env.references import Motion, Reference
+
+# Half widths of the random start offset.
+OFFSET = np.array([0.05, 0.05, 0.1])
+
+
+@dataclass(frozen=True)
+class EpisodeOptions:
+    """What ``reset(options=...)`` may say.
+
+    Attributes:
+        offset: start displaced from the reference pose by (ahead, left, yaw), m, m, rad.
+        velocity: start velocity (V_X, V_Y, Omega).
+        follow: start with the velocity of the reference.
+        reference: reference of this episode.
+    """
+
+    offset: tuple[float, float, float] | None = None
+    velocity: tuple[float, float, float] | None = None
+    follow: bool = False
+    reference: Reference | None = None
+
+    @classmethod
+    def parse(cls, options: dict[str, Any] | None) -> EpisodeOptions:
+        """Check names and shapes.
+
+        Raises:
+            ValueError: an unknown option or one that is not three finite numbers.
+        """
+        options = dict(options or {})
+        unknown = set(options) - {field.name for field in fields(cls)}
+        if unknown:
+            raise ValueError(
+                f"reset options {sorted(unknown)} are unknown; known: "
+                f"{[field.name for field in fields(cls)]}"
+            )
+        for name in ("offset", "velocity"):
+            if options.get(name) is not None:
+                value = np.asarray(options[name], float)
+                if value.shape != (3,) or not np.isfinite(value).all():
+                    raise ValueError(
+                        f"reset option {name} = {options[name]!r}; give three finite numbers"
+                    )
+                options[name] = tuple(value.tolist())
+        reference = options.get("reference")
+        if reference is not None and not isinstance(reference, Reference):
+            raise ValueError(
+                f"reset option reference = {reference!r}; give a youbot_env.references.Reference"
+            )
+        return cls(**options)
+
+    def draw_offset(self, rng: np.random.Generator) -> np.ndarray:
+        """Return the start offset (ahead, left, yaw): the given one, or a random one."""
+        if self.offset is not None:
+            return np.array(self.offset)
+        return OFFSET * (2.0 * rng.random(3) - 1.0)
+
+    def start(self, first: Motion, offset: tuple, ops: Ops) -> tuple[tuple, tuple]:
+        """Return start pose and body velocity for a reference that begins with ``first``."""
+        yaw = first.pose[2]
+        c, s = ops.cos_sin(yaw)
+        pose = (
+            first.pose[0] + offset[0] * c - offset[1] * s,
+            first.pose[1] + offset[0] * s + offset[1] * c,
+            yaw + offset[2],
+        )
+        if self.velocity is not None:
+            return pose, self.velocity
+        return pose, first.twist(ops) if self.follow else (0.0, 0.0, 0.0)
+
+
+def check_action(action, shape: tuple[int, ...]) -> list[float]:
+    """Return the action as floats clipped to [-1, 1].
+
+    Raises:
+        ValueError: wrong shape, or a value that is not a finite number.
+    """
+    array = np.asarray(action)
+    if array.shape != shape:
+        raise ValueError(f"action has shape {array.shape}; this environment takes {shape}")
+    try:
+        values = array.astype(float).tolist()
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"action {action!r} is not numeric") from error
+    for index, value in enumerate(values):
+        if not -1.0 <= value <= 1.0:
+            if value != value or value in (float("inf"), float("-inf")):
+                raise ValueError(f"action[{index}] = {value}; actions must be finite numbers")
+            values[index] = 1.0 if value > 0 else -1.0
+    return values

@@ -1,0 +1,271 @@
+"""The single environments: one robot, analytic or with real rollers, follows a reference."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+
+from youbot_env.backend import FLOAT, NUMPY
+from youbot_env.envs.look import Look
+from youbot_env.envs.noise import BLOCK, noise_block, noise_scale
+from youbot_env.envs.options import EpisodeOptions, check_action
+from youbot_env.envs.randomization import Randomization
+from youbot_env.envs.task import TrackingTask
+from youbot_env.model import Model
+from youbot_env.model_file import load_model
+from youbot_env.references import Reference, make_reference
+from youbot_env.simulation import AnalyticPlant, Sensors, WheelLoop
+
+
+class TrackingEnv(gym.Env):
+    """The base of a KUKA youBot follows a moving reference pose.
+
+    ## Action space
+    ``Box(-1, 1, (n,), float32)``; values outside are clipped.
+
+    | level | n | action 1 means |
+    |---|---|---|
+    | ``torque`` | number of wheels | ``torque_limit`` (4 N m) on the shaft of that wheel |
+    | ``velocity`` | 3 | ``speed_limit`` (0.8 m/s) forward and to the left, ``yaw_rate_limit`` |
+
+    (1.6 rad/s).  On level ``velocity`` the wheel-speed loops on board follow the action.
+
+    ## Observation space
+    ``Box`` of 8 + 3 (preview + 1) float32, finite bounds.
+
+    | entries | what | unit |
+    |---|---|---|
+    | 0-2 | reference pose seen from the robot: ahead, left, yaw in [-pi, pi) | m, m, rad |
+    | 3-5 | body velocity V_X, V_Y, Omega | m/s, m/s, rad/s |
+    | 6-7 | cosine and sine of the yaw | |
+    | 8-10 | twist of the reference now, in its own body frame | m/s, m/s, rad/s |
+    | 11- | the same at ``preview`` later instants, ``preview_stride`` periods apart | |
+
+    With ``sensors`` the first six entries carry their noise.
+
+    ## Reward
+    ``(1 - 0.1 mean(action^2)) / (1 + (distance / 0.1 m)^2 + (yaw error / 0.2 rad)^2)``, in [0, 1].
+
+    ## Starting state
+    At rest, the reference pose displaced by uniform +-0.05 m and +-0.1 rad.
+    ``reset(options=...)`` takes ``offset`` (ahead, left, yaw; m, m, rad), ``velocity`` (V_X, V_Y,
+    Omega), ``follow`` (True: start with the reference's velocity) and ``reference``.
+
+    ## Episode end
+    Terminated when farther than 1 m or 90 degrees from the reference.  Truncated after
+    ``max_episode_steps`` (1000 registered), or at the end of a reference that has one.
+
+    ## Arguments
+    See ``__init__``.  ``info`` holds ``time`` (s), ``pose``, ``reference_pose`` (m, m, rad) and
+    ``torque`` (N m); after a reset with ``reveal_parameters`` also ``true_parameters``.
+
+    ## Version history
+    * v0: first version
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
+
+    def __init__(
+        self,
+        model: str | Model = "paper",
+        action_level: str = "torque",
+        reference: str | Reference = "circle",
+        reference_options: dict[str, Any] | None = None,
+        dt: float = 0.01,
+        preview: int = 5,
+        preview_stride: int = 10,
+        torque_limit: float = 4.0,
+        speed_limit: float = 0.8,
+        yaw_rate_limit: float = 1.6,
+        randomization: Randomization | None = None,
+        reveal_parameters: bool = False,
+        sensors: Sensors | None = None,
+        wheel_loop: WheelLoop | None = None,
+        render_mode: str | None = None,
+    ):
+        """Make the environment.
+
+        Args:
+            model: the true robot: a model, a model file, or ``nominal`` or ``paper``.
+            action_level: ``torque`` or ``velocity``.
+            reference: a name (circle, eight, multisine, step, smooth_random, I, II, III, IV,
+                calibration) or a ``Reference``.
+            reference_options: arguments of a named reference, e.g. ``{"speed": (0.1, 0.5)}``.
+            dt: control period, s; actions are held.
+            preview, preview_stride: see the observation.
+            torque_limit: torque of action 1, N m.
+            speed_limit, yaw_rate_limit: velocities of action 1 on the kinematic level.
+            randomization: draws the true robot of each episode around ``model``.
+            reveal_parameters: put the drawn robot into ``info["true_parameters"]`` at reset.
+            sensors: noise of the observation; None observes exactly.
+            wheel_loop: gains of the loops on board (level ``velocity``).
+            render_mode: ``rgb_array``, ``human`` or None.
+
+        Raises:
+            ValueError: an argument that cannot be used; the message names value and remedy.
+        """
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(
+                f"render_mode = {render_mode!r}; choose one of {self.metadata['render_modes']}"
+            )
+        self.model = load_model(model)
+        self.task = TrackingTask(
+            self.model.platform, action_level, dt, preview, preview_stride, torque_limit,
+            speed_limit, yaw_rate_limit,
+        )  # fmt: skip
+        self.reference = make_reference(reference, **(reference_options or {}))
+        self.randomization, self.reveal_parameters = randomization, reveal_parameters
+        self.sensors = sensors
+        self._noise_scale = noise_scale(sensors, self.model.platform) if sensors else None
+        self.wheel_loop = wheel_loop or WheelLoop(limit=torque_limit)
+        self.render_mode = render_mode
+        self.action_space = self.task.action_space
+        self.observation_space = self.task.observation_space
+        self._size = self.action_space.shape
+        self._plant = self._make_plant(self.model)
+        self._look: Look | None = None
+        self._view = None
+
+    def _make_plant(self, model: Model):
+        return AnalyticPlant(model, self.task.dt)
+
+    def _replace_robot(self, model: Model) -> None:
+        self._plant.set_model(model)
+
+    def _motion(self) -> np.ndarray:
+        return self._plant.motion()
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Start an episode; see the class for ``options``."""
+        super().reset(seed=seed)
+        chosen = EpisodeOptions.parse(options)
+        rng = self.np_random
+        if self.randomization is not None:
+            self._replace_robot(self.randomization.draw(self.model, rng))
+        reference = chosen.reference or self.reference
+        if self._look is None or reference is not self._followed:
+            self._look, self._followed = Look(self.task, reference), reference
+        self._look.values[:] = reference.draw(rng)
+        first = reference.evaluate(self._look.values.tolist(), 0.0, FLOAT)
+        pose, velocity = chosen.start(first, chosen.draw_offset(rng).tolist(), FLOAT)
+        self._plant.reset(pose, velocity)
+        self._steps, self._end, self._trail = 0, reference.duration, []
+        self._noise = noise_block(self._noise_scale, rng) if self.sensors else None
+        self._integral = self._torque = (0.0,) * len(self.task.platform.wheels)
+        observation, _, _ = self._see(0.0)
+        info = self._info()
+        if self.reveal_parameters:
+            model = self._plant.model
+            info["true_parameters"] = dict(zip(model.names(), model.values(), strict=True))
+        if self.render_mode == "human":
+            self.render()
+        return observation, info
+
+    def step(self, action):
+        """Apply one action for ``dt``."""
+        if self._look is None:
+            raise gym.error.ResetNeeded("call reset() before step()")
+        action = check_action(action, self._size)
+        if self.task.action_level == "torque":
+            limit = self.task.torque_limit
+            self._torque = [limit * a for a in action]
+        else:
+            self._torque = self._loop_torque(action)
+        self._plant.step(self._torque)
+        self._steps += 1
+        t = self._steps * self.task.dt
+        self._look.action[:] = action
+        observation, reward, lost = self._see(t)
+        if self.render_mode == "human":
+            self.render()
+        return observation, reward, lost, t >= self._end - self.task.dt / 2, self._info()
+
+    def _see(self, t: float) -> tuple[np.ndarray, float, bool]:
+        if self._noise is not None:
+            at = self._steps % BLOCK
+            if at == 0 and self._steps:
+                self._noise = noise_block(self._noise_scale, self.np_random)
+            self._look.noise[:] = self._noise[at]
+        return self._look(self._motion(), t)
+
+    def _loop_torque(self, action: tuple) -> tuple:
+        task, geometry = self.task, self.task.platform.geometry
+        limits = (task.speed_limit, task.speed_limit, task.yaw_rate_limit)
+        twist = tuple(a * limit for a, limit in zip(action, limits, strict=True))
+        measured = tuple(self._plant.wheel_velocity.tolist())
+        torque, self._integral = self.wheel_loop.torque(
+            geometry.wheel_velocity(twist), measured, self._integral, task.dt, FLOAT
+        )
+        return torque
+
+    def _info(self) -> dict[str, Any]:
+        return {
+            "time": self._steps * self.task.dt,
+            "pose": self._motion()[:3].copy(),
+            "reference_pose": self._look.wanted.copy(),
+            "torque": np.array(self._torque),
+        }
+
+    def measurement(self) -> dict[str, Any]:
+        """True values of the channels that a log records now; for ``youbot_env.recording``."""
+        return {
+            "time": self._steps * self.task.dt,
+            "wheel_velocity": self._plant.wheel_velocity,
+            "wheel_torque": np.array(self._torque),
+            "pose": self._plant.pose,
+            "reference": self._look.twist.copy(),
+        }
+
+    def render(self):
+        """Draw the scene from above; returns (H, W, 3) uint8 in mode ``rgb_array``."""
+        if self.render_mode is None:
+            gym.logger.warn("render() needs render_mode='rgb_array' or 'human' at gym.make")
+            return None
+        if self._view is None:
+            from youbot_env.envs.rendering import TopView
+
+            self._view = TopView(self.task.platform, self.render_mode, self.metadata["render_fps"])
+        pose, t = self._plant.pose, self._steps * self.task.dt
+        self._trail.append(pose[:2])
+        times = np.arange(max(0.0, t - 10.0), t + 3.0, 0.05)
+        ahead = self._followed.evaluate(self._look.values.tolist(), times, NUMPY).pose[:2]
+        path = np.stack(np.broadcast_arrays(*ahead, times)[:2], axis=1)
+        wanted = self._look.wanted
+        heading = (math.cos(pose[2]), math.sin(pose[2]))
+        error = self.task.error(tuple(pose.tolist()), heading, tuple(wanted.tolist()), FLOAT)
+        caption = (
+            f"t = {t:5.2f} s   position error {1e3 * math.hypot(*error[:2]):4.0f} mm   "
+            f"heading error {math.degrees(error[2]):+5.1f} deg"
+        )
+        return self._view.draw(
+            pose, wanted.copy(), np.array(self._trail), path,
+            np.array(self._torque), self.task.torque_limit, caption,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Close the window."""
+        if self._view is not None:
+            self._view.close()
+            self._view = None
+
+
+class RollersEnv(TrackingEnv):
+    """``TrackingEnv`` on a MuJoCo plant with real rollers: a stand-in for a real robot.
+
+    Spaces, reward and ends are those of ``TrackingEnv``.  Friction, contact and the ripple of
+    finite rollers are simulated and follow none of the project's formulas.
+    """
+
+    def _make_plant(self, model: Model):
+        from youbot_env.rollers import RollersPlant
+
+        return RollersPlant(model, self.task.dt)
+
+    def _replace_robot(self, model: Model) -> None:
+        self._plant = self._make_plant(model)
+
+    def _motion(self) -> np.ndarray:
+        return np.concatenate([self._plant.pose, self._plant.velocity])

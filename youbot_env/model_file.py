@@ -1,0 +1,204 @@
+"""Model files: YAML in and out, checked on the way in, written whole or not at all."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+
+import yaml
+
+from youbot_env.model import Model
+from youbot_env.parameters import UNITS, Parameters
+from youbot_env.platform import PLATFORMS, Platform, Wheel
+
+SECTIONS = ("name", "platform", "parameters", "effects", "covariance", "provenance")
+SHIPPED = Path(__file__).parent.parent / "models"
+DEGREES = ("roller_angle", "heading")
+
+
+class ModelFileError(ValueError):
+    """A model file that cannot be used; the message says where and what to do."""
+
+
+def load_model(source: str | os.PathLike | Model) -> Model:
+    """Read a model.
+
+    Args:
+        source: path of a YAML file, the name of a shipped model (``nominal``, ``paper``), or a
+            model, which is returned as it is.
+
+    Raises:
+        ModelFileError: unreadable file, malformed YAML, unknown or missing entries.
+        ImpossibleParameters: values that no robot can have.
+    """
+    if isinstance(source, Model):
+        return source
+    path = find_model(source)
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ModelFileError(f"{path} is not valid YAML: {error}") from error
+    try:
+        return model_from_dict(data, default_name=path.stem).check()
+    except ValueError as error:
+        raise type(error)(f"{path}: {error}") from error
+
+
+def find_model(source: str | os.PathLike) -> Path:
+    """Return the path of a model file given by path or by the name of a shipped model."""
+    path = Path(source)
+    if path.is_file():
+        return path
+    candidate = SHIPPED / f"{path.stem}.yaml"
+    if str(path.parent) in (".", "models") and candidate.is_file():
+        return candidate
+    raise ModelFileError(
+        f"no model file {str(source)!r}; give the path of a YAML file or one of the shipped models "
+        f"{sorted(p.stem for p in SHIPPED.glob('*.yaml'))}"
+    )
+
+
+def model_from_dict(data: object, default_name: str = "model") -> Model:
+    """Build a model from the content of a model file."""
+    if not isinstance(data, dict):
+        raise ModelFileError(f"expected sections {SECTIONS}, found {type(data).__name__}")
+    _refuse_unknown(data, SECTIONS, "section")
+    for section in ("platform", "parameters"):
+        if section not in data:
+            raise ModelFileError(f"section {section!r} is missing")
+    platform = _platform(data["platform"])
+    entries = _mapping(data["parameters"], "parameters")
+    values, sources, errors = {}, {}, {}
+    for name, entry in entries.items():
+        entry = entry if isinstance(entry, dict) else {"value": entry}
+        _refuse_unknown(entry, ("value", "unit", "standard_error", "source"), f"in {name}")
+        if "value" not in entry:
+            raise ModelFileError(f"parameters: {name} has no value")
+        if name in UNITS and entry.get("unit", UNITS[name]) != UNITS[name]:
+            raise ModelFileError(
+                f"parameters: {name} has unit {entry['unit']!r}; convert it to {UNITS[name]!r}"
+            )
+        values[name] = entry["value"]
+        sources[name] = str(entry.get("source", ""))
+        if entry.get("standard_error") is not None:
+            errors[name] = float(entry["standard_error"])
+    model = Model(
+        platform,
+        Parameters.from_mapping(values),
+        name=str(data.get("name", default_name)),
+        sources=sources,
+        standard_errors=errors,
+        covariance=data.get("covariance"),
+        provenance=_mapping(data.get("provenance") or {}, "provenance"),
+    )
+    chosen = {}
+    for entry in data.get("effects") or []:
+        entry = {"identifier": entry} if isinstance(entry, str) else _mapping(entry, "effects")
+        _refuse_unknown(entry, ("identifier", "parameters"), "in effects")
+        if "identifier" not in entry:
+            raise ModelFileError(f"effects: {entry} has no identifier")
+        if entry["identifier"] in chosen:
+            raise ModelFileError(f"effects: {entry['identifier']!r} is listed twice")
+        chosen[entry["identifier"]] = entry.get("parameters")
+    return model.with_effects(chosen)
+
+
+def model_to_dict(model: Model) -> dict:
+    """Return what a model file holds."""
+    platform = asdict(model.platform)
+    for wheel in platform["wheels"]:
+        for name in DEGREES:
+            wheel[f"{name}_deg"] = round(math.degrees(wheel.pop(name)), 9)
+    platform["wheels"] = list(platform["wheels"])
+    parameters = {
+        name: {
+            "value": float(value),
+            "unit": UNITS[name],
+            "standard_error": model.standard_errors.get(name),
+            "source": model.sources.get(name, ""),
+        }
+        for name, value in model.parameters.as_dict().items()
+    }
+    data = {"name": model.name, "platform": platform, "parameters": parameters}
+    data["effects"] = [
+        {"identifier": a.identifier, "parameters": {k: float(v) for k, v in a.values.items()}}
+        for a in model.effects
+    ]
+    if model.covariance is not None:
+        data["covariance"] = model.covariance
+    if model.provenance:
+        data["provenance"] = model.provenance
+    return data
+
+
+def save_model(model: Model, path: str | os.PathLike) -> None:
+    """Write a model file through a temporary file, so that a failure leaves the old one."""
+    text = yaml.safe_dump(model_to_dict(model), sort_keys=False, allow_unicode=True, width=100)
+    write_atomically(path, text)
+
+
+def write_atomically(path: str | os.PathLike, text: str) -> None:
+    """Write text to a temporary file beside ``path`` and rename it into place."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _platform(data: object) -> Platform:
+    if isinstance(data, str):
+        if data not in PLATFORMS:
+            raise ModelFileError(f"unknown platform {data!r}; known: {sorted(PLATFORMS)}")
+        return PLATFORMS[data]()
+    data = dict(_mapping(data, "platform"))
+    fields = ("name", "wheels", "wheel_radius", "roller_radius", "wheel_mass")
+    _refuse_unknown(data, fields, "in platform")
+    for name in ("wheels", "wheel_radius", "roller_radius"):
+        if name not in data:
+            raise ModelFileError(f"platform: {name} is missing")
+    wheels = []
+    for number, entry in enumerate(data.pop("wheels") or [], start=1):
+        entry = dict(_mapping(entry, f"wheel {number}"))
+        _refuse_unknown(entry, ("name", "x", "y", "roller_angle_deg", "heading_deg"), "in wheels")
+        try:
+            wheels.append(
+                Wheel(
+                    str(entry.get("name", number)),
+                    float(entry["x"]),
+                    float(entry["y"]),
+                    math.radians(float(entry["roller_angle_deg"])),
+                    math.radians(float(entry.get("heading_deg", 0.0))),
+                )
+            )
+        except KeyError as error:
+            raise ModelFileError(f"platform: wheel {number} has no {error.args[0]}") from error
+        except (TypeError, ValueError) as error:
+            raise ModelFileError(f"platform: wheel {number} {entry}: {error}") from error
+    name = str(data.pop("name", "platform"))
+    try:
+        numbers = {key: float(value) for key, value in data.items()}
+    except (TypeError, ValueError) as error:
+        raise ModelFileError(f"platform: {data}: {error}") from error
+    return Platform(name, tuple(wheels), **numbers)
+
+
+def _mapping(value: object, place: str) -> dict:
+    if not isinstance(value, dict):
+        raise ModelFileError(f"{place}: expected 'name: value' entries, found {value!r}")
+    return value
+
+
+def _refuse_unknown(data: dict, known: tuple[str, ...], place: str) -> None:
+    unknown = [key for key in data if key not in known]
+    if unknown:
+        raise ModelFileError(f"unknown entry {unknown} {place}; known: {list(known)}")

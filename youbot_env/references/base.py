@@ -1,0 +1,108 @@
+"""What a reference motion is: values drawn once an episode, and a pose at every time.
+
+A reference is the desired pose of O in the world, with velocity and acceleration, in closed form.
+``draw`` makes the values of one episode from a generator; ``evaluate`` takes them as components, so
+one function serves a single robot (floats), a vector environment (one column of values a robot) and
+an optimal-control problem (symbols).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from youbot_env.backend import NUMPY, Ops
+
+Range = float | tuple[float, float]
+
+
+class Motion(NamedTuple):
+    """Desired motion at one instant, world frame, each (x, y, yaw) in components.
+
+    Attributes:
+        pose: m, m, rad (yaw not wrapped).
+        rate: first time derivative, m/s, m/s, rad/s.
+        acceleration: second time derivative, m/s^2, m/s^2, rad/s^2.
+    """
+
+    pose: tuple
+    rate: tuple
+    acceleration: tuple
+
+    def heading(self, ops: Ops) -> tuple:
+        """(cos yaw, sin yaw) of the desired pose."""
+        return ops.cos_sin(self.pose[2])
+
+    def twist(self, ops: Ops) -> tuple:
+        """Body velocities (V_X, V_Y, Omega) of a robot that follows exactly."""
+        return rotate_to_body(self.rate, self.heading(ops))
+
+    def twist_rate(self, ops: Ops) -> tuple:
+        """Time derivative of ``twist``: (V_X', V_Y', Omega')."""
+        heading = self.heading(ops)
+        ax, ay, ao = rotate_to_body(self.acceleration, heading)
+        vx, vy, om = rotate_to_body(self.rate, heading)
+        return ax + om * vy, ay - om * vx, ao
+
+
+def rotate_to_body(vector: tuple, heading: tuple) -> tuple:
+    """Turn a world vector (x, y, yaw part) into the frame with heading (cos yaw, sin yaw)."""
+    c, s = heading
+    return vector[0] * c + vector[1] * s, vector[1] * c - vector[0] * s, vector[2]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Base of all references.
+
+    Attributes:
+        speed: peak speed of the centre, m/s; a pair is drawn uniformly each episode.
+        frequency: base angular frequency, rad/s; a pair is drawn uniformly each episode.
+    """
+
+    speed: Range = 0.3
+    frequency: Range = 0.5
+
+    def __post_init__(self) -> None:
+        for name, low in (("speed", 0.0), ("frequency", 1e-6)):
+            value = getattr(self, name)
+            ends = value if isinstance(value, tuple) else (value, value)
+            if len(ends) != 2 or not low <= ends[0] <= ends[1] < float("inf"):
+                raise ValueError(
+                    f"{type(self).__name__}: {name} = {value!r}; give a number of at least {low} "
+                    "or a (low, high) pair"
+                )
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Return the values (P,) of one episode; P is the same for every draw."""
+        raise NotImplementedError
+
+    def evaluate(self, values, t, ops: Ops) -> Motion:
+        """Desired motion at time t, s, from P values in components."""
+        raise NotImplementedError
+
+    @cached_property
+    def size(self) -> int:
+        """P, the number of values of one episode."""
+        return len(self.draw(np.random.default_rng(0)))
+
+    @property
+    def duration(self) -> float:
+        """How long the motion lasts, s; infinite where it repeats."""
+        return float("inf")
+
+    def sample(self, times: np.ndarray, seed: int | None = None) -> Motion:
+        """Evaluate one episode on a time grid (N,); entries are arrays (N,)."""
+        values = self.draw(np.random.default_rng(seed))
+        motion = self.evaluate([float(v) for v in values], np.asarray(times, float), NUMPY)
+        return Motion(
+            *(tuple(np.broadcast_to(c, np.shape(times)) for c in part) for part in motion)
+        )
+
+
+def uniform(value: Range, rng: np.random.Generator) -> float:
+    """Draw from a (low, high) pair; a number is returned as it is, without using the generator."""
+    return float(rng.uniform(*value)) if isinstance(value, tuple) else float(value)

@@ -1,0 +1,7 @@
+"""Simulation of one robot: the analytic plant, on-board wheel loops and sensors."""
+
+from youbot_env.simulation.analytic import AnalyticPlant, choose_substeps
+from youbot_env.simulation.sensors import Sensors
+from youbot_env.simulation.wheel_loop import WheelLoop
+
+__all__ = ["AnalyticPlant", "Sensors", "WheelLoop", "choose_substeps"]
