@@ -99,10 +99,10 @@ def test_start_from_rest_shows_the_inertia_of_the_model(plant):
 def test_compiled_masses_are_those_of_theta(plant):
     theta = PAPER.theta(MODEL.platform)
     plant.reset()
-    mujoco.mj_forward(plant._mj, plant._data)
-    full = np.zeros((plant._mj.nv, plant._mj.nv))
-    mujoco.mj_fullM(plant._mj, plant._data, full)
-    wheel = plant._layout.wheel_velocity[1]
+    mujoco.mj_forward(plant.mj_model, plant.mj_data)
+    full = np.zeros((plant.mj_model.nv, plant.mj_model.nv))
+    mujoco.mj_fullM(plant.mj_model, plant.mj_data, full)
+    wheel = plant._bodies.wheels[1]
     assert full[0, 0] == pytest.approx(theta.m0)
     assert full[5, 5] == pytest.approx(theta.I0, rel=1e-6)
     assert full[wheel, wheel] == pytest.approx(theta.I1)
@@ -227,11 +227,11 @@ def test_roller_friction_acts_sideways_and_not_forward():
 def test_a_payload_changes_the_masses_on_the_way():
     values = {"dm": 10.0, "dI": 0.5, "dpx": 0.0, "dpy": 0.0, "t0": 0.1}
     plant = RollersPlant(MODEL.with_effects({"payload_change": values}))
-    before = plant._mj.body_subtreemass[0]
+    before = plant.mj_model.body_subtreemass[0]
     drive(plant, np.zeros(4), 0.2)
-    assert plant._mj.body_subtreemass[0] - before == pytest.approx(10.0, rel=1e-3)
+    assert plant.mj_model.body_subtreemass[0] - before == pytest.approx(10.0, rel=1e-3)
     plant.reset()
-    assert plant._mj.body_subtreemass[0] == pytest.approx(before)
+    assert plant.mj_model.body_subtreemass[0] == pytest.approx(before)
 
 
 def test_yaw_is_not_wrapped(plant):

@@ -21,11 +21,12 @@ from youbot_env.rollers.shape import mean_square_rate_ratio, roller_count, rolle
 # it adds 0.5 % to the youBot's sideways inertia.
 ROLLERS_SHARE = 0.24
 # Wheels are mounted a little elastically, as on any frame: the mounts give way by this much, m,
-# under the robot and are critically damped.  Four rigid wheels whose rollers differ by hundredths
-# of a millimetre would leave the floor in turn and spin.
+# under the robot and are critically damped.  On a rigid frame wheels leave the floor in turn, for
+# their rollers differ from the cylinder by hundredths of a millimetre, and spin.
 MOUNT_SAG = 5e-4
-# The floor is as stiff as a step of 1 ms resolves: 0.01 mm under the youBot.  Softer contacts roll
-# with a dry friction that no parameter asks for (3 N at twice this time constant).
+# The floor is as stiff as a step of 1 ms resolves; it gives way by a few micrometres.  Softer
+# contacts roll with a dry friction that no parameter asks for: (0.004 s, 0.9) with 0.5 N, this
+# one with 0.1 N.
 SOLREF = (0.002, 1.0)
 SOLIMP = (0.98, 0.98, 1e-4, 0.5, 2.0)
 # Friction is this much stiffer than the normal contact; sets how little rolling rollers creep.
