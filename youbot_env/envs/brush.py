@@ -1,0 +1,97 @@
+"""Smooth-edged shapes on a pygame surface.
+
+pygame fills polygons with hard edges.  The brush magnifies the part of the picture it works on,
+draws there, and scales it back.  With a factor that is a power of two, pixels that were not drawn
+on come back unchanged, so a small shape costs a small part of the picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+Colour = tuple[int, int, int]
+
+
+class Brush:
+    """Draws on a magnified part of a surface; positions and widths in px of the surface.
+
+    Args:
+        pygame: the module, loaded by the caller.
+        part: the magnified part, a surface.
+        corner: its upper left corner on the surface, px.
+        factor: the magnification.
+    """
+
+    def __init__(self, pygame: ModuleType, part: Any, corner: np.ndarray, factor: int) -> None:
+        self._draw = pygame.draw
+        self._part, self._corner, self._factor = part, corner, factor
+
+    def fill(self, polygon: np.ndarray, colour: Colour) -> None:
+        """Fill a polygon (K, 2)."""
+        self._draw.polygon(self._part, colour, self._magnify(polygon).tolist())
+
+    def dot(self, centre: np.ndarray, radius: float, colour: Colour) -> None:
+        """Fill a circle."""
+        self._draw.circle(self._part, colour, self._magnify(centre), radius * self._factor)
+
+    def outline(self, polygon: np.ndarray, width: float, colour: Colour) -> None:
+        """Draw a closed line through a polygon (K, 2)."""
+        self.stroke(polygon, np.roll(polygon, -1, axis=0), width, colour)
+
+    def stroke(self, starts: np.ndarray, ends: np.ndarray, width: float, colour: Colour) -> None:
+        """Draw the segments from starts (S, 2) to ends (S, 2)."""
+        # A filled polygon includes its border: one magnified pixel more than its corners say.
+        width = max(width - 1 / self._factor, 0.1)
+        for band in self._magnify(bands(starts, ends, width)).tolist():
+            self._draw.polygon(self._part, colour, band)
+
+    def _magnify(self, points: np.ndarray) -> np.ndarray:
+        """Map points of the surface to the indices of magnified pixels."""
+        return np.floor((points - self._corner) * self._factor)
+
+
+@contextmanager
+def magnified(
+    pygame: ModuleType, surface: Any, points: np.ndarray, margin: float, factor: int
+) -> Iterator[Brush]:
+    """Lend a brush for the part of a surface around some points.
+
+    Args:
+        pygame: the module, loaded by the caller.
+        surface: what is drawn on.
+        points: where drawing is meant to happen, (K, 2) px.
+        margin: room around these points, px.
+        factor: the magnification, a power of two.
+
+    Yields:
+        The brush; what it draws outside the surface is lost.
+    """
+    size = np.array(surface.get_size())
+    low = np.floor(points.min(axis=0) - margin).clip(0, size - 1)
+    high = np.ceil(points.max(axis=0) + margin).clip(low + 1, size)
+    box = pygame.Rect(low.tolist(), (high - low).tolist())
+    part = surface.subsurface(box)
+    large = pygame.transform.scale(part, (box.width * factor, box.height * factor))
+    yield Brush(pygame, large, np.array(box.topleft), factor)
+    pygame.transform.smoothscale(large, box.size, part)
+
+
+def bands(starts: np.ndarray, ends: np.ndarray, width: float) -> np.ndarray:
+    """Give segments (S, 2) a width: (S, 4, 2) corners, overlapping a little to close the joints."""
+    along = ends - starts
+    length = np.hypot(*along.T)[:, None]
+    along = np.divide(along, length, out=np.zeros_like(along), where=length > 0)
+    side = along[:, ::-1] * (0.5 * width, -0.5 * width)
+    along *= 0.2 * width
+    corners = (
+        starts - along + side,
+        ends + along + side,
+        ends + along - side,
+        starts - along - side,
+    )
+    return np.stack(corners, axis=1)

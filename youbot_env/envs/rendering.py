@@ -1,0 +1,196 @@
+"""The top view of a platform on its floor, with its wheel torques: pictures or a window."""
+
+from __future__ import annotations
+
+import math
+import os
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from gymnasium.error import DependencyNotInstalled, Error
+
+from youbot_env.envs.camera import round_length
+from youbot_env.envs.lettering import FRAME, INK, PAPER, QUIET, TEXT, Lettering, signed
+from youbot_env.envs.panel import Panel
+from youbot_env.envs.scene import FLOOR, Scene
+from youbot_env.platform import Platform
+
+MODES = ("rgb_array", "human")
+
+
+class TopView:
+    """Draws a platform, its reference, both paths and the wheel torques.
+
+    Args:
+        platform: the wheel table; gives footprint, wheels and rollers.
+        mode: ``"rgb_array"`` (pictures, needs no display) or ``"human"`` (a window).
+        fps: frames per second, 1/s; the window keeps to it.
+        size: width and height of the picture, px.
+
+    Raises:
+        ValueError: an unknown mode, a frame rate that is not positive or a picture too small.
+        DependencyNotInstalled: pygame is missing.
+    """
+
+    def __init__(
+        self, platform: Platform, mode: str, fps: float, size: tuple[int, int] = (720, 540)
+    ) -> None:
+        if mode not in MODES:
+            raise ValueError(f"render mode {mode!r} is unknown; use one of {MODES}")
+        if not (math.isfinite(fps) and fps > 0):
+            raise ValueError(f"fps = {fps} must be positive; give the frames per second")
+        width, height = int(size[0]), int(size[1])
+        if width < 480 or height < 360:
+            raise ValueError(f"size = {size} px leaves no room; use at least (480, 360)")
+        pygame = self._pygame = _import_pygame()
+        self.platform, self.mode, self.fps = platform, mode, fps
+        unit = min(width / 720, height / 540)
+        self._frame = pygame.Surface((width, height), 0, 32)
+        self._letters = Lettering(pygame, self._frame, unit)
+        px = self._letters.px
+        side = pygame.Rect(width - px(176), px(16), px(160), height - px(82))
+        self._view = pygame.Rect(px(48), px(16), side.left - px(68), height - px(82))
+        self._scene = Scene(pygame, platform, self._view.size, fps, unit)
+        self._panel = Panel(pygame, self._frame, side, self._letters, platform.wheel_names)
+        self._window = self._clock = None
+        self._window_closed = False
+
+    def draw(
+        self,
+        pose: np.ndarray,
+        reference_pose: np.ndarray,
+        path: np.ndarray,
+        reference_path: np.ndarray,
+        torque: np.ndarray,
+        torque_limit: float,
+        caption: str,
+    ) -> np.ndarray | None:
+        """Draw one frame.
+
+        Args:
+            pose: (x, y, yaw) of the robot, m and rad.
+            reference_pose: the same of the reference.
+            path: driven path, (N, 2) m; may be empty.
+            reference_path: past and future of the reference, (M, 2) m; may be empty.  Dashes start
+                at its first point: give the same path in every frame, and they lie still.
+            torque: wheel torques in the order of the wheel table, N m.
+            torque_limit: magnitude at which they saturate, N m; infinite where there is no limit.
+            caption: the line below the picture.
+
+        Returns:
+            The picture, (height, width, 3) uint8, or None in mode ``"human"``.
+
+        Raises:
+            ValueError: a shape that does not fit, or a value that is not finite.
+            gymnasium.error.Error: mode ``"human"`` and no display to open a window on.
+        """
+        pose = _checked("pose", pose, (3,))
+        reference_pose = _checked("reference_pose", reference_pose, (3,))
+        path = _checked("path", path, (-1, 2))
+        reference_path = _checked("reference_path", reference_path, (-1, 2))
+        torque = _checked("torque", torque, (len(self.platform.wheels),))
+        if not torque_limit > 0:
+            raise ValueError(f"torque_limit = {torque_limit} N m must be positive")
+        saturated = np.abs(torque) >= torque_limit * (1 - 1e-6)
+
+        self._letters.renew()
+        self._frame.fill(PAPER)
+        view = self._frame.subsurface(self._view)
+        self._scene.draw(view, pose, reference_pose, path, reference_path, saturated)
+        self._draw_scales()
+        self._panel.draw(torque, torque_limit, saturated)
+        foot = self._frame.get_height() - self._letters.px(17)
+        self._letters.write(caption, (self._view.left, foot), size=TEXT)
+        return self._show()
+
+    def close(self) -> None:
+        """Close the window; further frames of mode ``"human"`` are not shown."""
+        if self._window is not None:
+            self._pygame.display.quit()
+        self._window, self._window_closed = None, True
+
+    def _show(self) -> np.ndarray | None:
+        """Hand the frame out or put it on the window, keeping the frame rate."""
+        pygame = self._pygame
+        if self.mode == "rgb_array":
+            width, height = self._frame.get_size()
+            pixels = bytearray(pygame.image.tobytes(self._frame, "RGB"))
+            return np.frombuffer(pixels, dtype=np.uint8).reshape(height, width, 3)
+        if self._window_closed:
+            return None
+        if (
+            self._window is None or not pygame.display.get_init()
+        ):  # other code may call pygame.quit()
+            self._window, self._clock = self._open_window(), pygame.time.Clock()
+        if any(event.type == pygame.QUIT for event in pygame.event.get()):
+            self.close()  # the user closed the window; the simulation goes on without it
+            return None
+        self._window.blit(self._frame, (0, 0))
+        pygame.display.flip()
+        self._clock.tick(self.fps)
+        return None
+
+    def _open_window(self) -> Any:
+        try:
+            self._pygame.display.init()
+            window = self._pygame.display.set_mode(self._frame.get_size())
+        except self._pygame.error as error:
+            raise Error(
+                f"render mode 'human' found no display ({error}); use render_mode='rgb_array', or "
+                "run where windows can be opened"
+            ) from error
+        self._pygame.display.set_caption(f"{self.platform.name}: top view")
+        return window
+
+    def _draw_scales(self) -> None:
+        """Draw the frame of the view, metre labels and the scale bar."""
+        view, px, write = self._view, self._letters.px, self._letters.write
+        self._pygame.draw.rect(self._frame, FRAME, view.inflate(2, 2), 1)
+        spacing = self._scene.spacing()
+        decimals = max(0, -math.floor(math.log10(spacing) + 1e-9))
+        below, beside = view.bottom + px(12), view.left - px(7)
+        write("m", (beside, below), 1.0, QUIET)
+        for value, pixel in self._scene.ticks(0, spacing):
+            if pixel > px(14):  # clear of the unit in the corner
+                write(signed(value, decimals), (view.left + round(pixel), below), 0.5, QUIET)
+        for value, pixel in self._scene.ticks(1, spacing):
+            write(signed(value, decimals), (beside, view.top + round(pixel)), 1.0, QUIET)
+
+        covered = float(self._scene.camera.extent[0])
+        length = round_length(covered / 4)
+        bar = self._pygame.Rect(0, 0, round(length / covered * view.width), px(3))
+        bar.bottomright = (view.right - px(16), view.bottom - px(13))
+        self._frame.fill(FLOOR, bar.inflate(px(12), px(30)).move(0, -px(8)))
+        self._frame.fill(INK, bar)
+        for end in (bar.left, bar.right - 1):
+            self._frame.fill(INK, (end, bar.top - px(3), 1, bar.height + 2 * px(3)))
+        write(f"{length:g} m", (bar.centerx, bar.top - px(9)), 0.5)
+
+
+def _import_pygame() -> ModuleType:
+    """Load pygame without its greeting, which would end up in the output of a program."""
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    try:
+        import pygame
+    except ImportError as error:
+        raise DependencyNotInstalled(
+            "rendering needs pygame, which is not installed; run `pip install pygame`"
+        ) from error
+    return pygame
+
+
+def _checked(name: str, value: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return an array of a shape (-1: any length), all finite."""
+    array = np.asarray(value, dtype=float)
+    if array.size == 0 and shape[0] == -1:
+        return array.reshape(0, *shape[1:])
+    fits = array.ndim == len(shape) and all(
+        want in (-1, have) for want, have in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        raise ValueError(f"{name} has shape {array.shape}; the top view needs {shape}")
+    if not np.isfinite(array).all():
+        bad = np.argwhere(~np.isfinite(array))[0].tolist()
+        raise ValueError(f"{name}{bad} = {array[tuple(bad)]}; the top view needs finite values")
+    return array

@@ -1,0 +1,167 @@
+"""The floor of the top view: grid, paths, reference and robot.
+
+Frames: floor x to the right, y up, yaw counter-clockwise.
+"""
+
+from __future__ import annotations
+
+import math
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from youbot_env.envs.brush import Brush, Colour, magnified
+from youbot_env.envs.camera import Camera, round_length
+from youbot_env.envs.outlines import RobotOutline, dashes, evenly, first_lap, on_floor
+from youbot_env.platform import Platform
+
+FLOOR, MINOR, GRID, AXIS = (255, 255, 255), (244, 245, 247), (228, 231, 235), (193, 199, 206)
+BODY, EDGE, TYRE, ROLLER = (216, 228, 240), (45, 77, 110), (66, 76, 87), (160, 171, 183)
+DRIVEN, REFERENCE, SATURATED = (40, 105, 176), (222, 132, 40), (200, 62, 54)
+LINE = 2.0  # px, width of paths and outlines
+FINE, QUICK = 4, 2  # magnifications for smooth edges; the quick one while the ground changes
+
+
+class Scene:
+    """The part of the floor that a camera sees.
+
+    The ground (grid and both paths) is kept as a picture for as long as the camera rests; the
+    driven path then grows on it, and a frame costs little more than the robot.
+
+    Args:
+        pygame: the module, loaded by the caller.
+        platform: the wheel table; gives footprint, wheels and rollers.
+        size: width and height of the view, px.
+        fps: frames per second, 1/s.
+        unit: factor on all line widths, 1 for a picture of ordinary size.
+    """
+
+    def __init__(
+        self,
+        pygame: ModuleType,
+        platform: Platform,
+        size: tuple[int, int],
+        fps: float,
+        unit: float,
+    ) -> None:
+        self.camera = Camera(*size, fps)
+        self._pygame, self._unit = pygame, unit
+        self._robot = RobotOutline.of(platform)
+        self._roller_width = 0.8 * platform.roller_radius
+        self._ground = pygame.Surface(size, 0, 32)
+        self._view: tuple[float, ...] | None = None
+        self._driven = self._planned = np.empty((0, 2))
+
+    def draw(
+        self,
+        target: Any,
+        pose: np.ndarray,
+        reference_pose: np.ndarray,
+        path: np.ndarray,
+        reference_path: np.ndarray,
+        saturated: np.ndarray,
+    ) -> None:
+        """Draw one frame on a surface of the size of the view; arguments as in ``TopView.draw``."""
+        bodies = np.array([pose[:2], reference_pose[:2]])
+        self.camera.follow(bodies, self._robot.reach, reference_path)
+        self._update_ground(path, reference_path)
+        target.blit(self._ground, (0, 0))
+        margin = 4 * self._unit
+        body = self._seen(self._robot.body, pose)
+        with magnified(self._pygame, target, body, margin, FINE) as brush:
+            self._draw_robot(brush, body, pose, saturated)
+        body = self._seen(self._robot.body, reference_pose)
+        with magnified(self._pygame, target, body, margin, FINE) as brush:
+            self._draw_ghost(brush, body, reference_pose)
+
+    def spacing(self) -> float:
+        """Distance of the labelled grid lines, m."""
+        return round_length(self.camera.span / 4)
+
+    def ticks(self, axis: int, spacing: float) -> list[tuple[float, float]]:
+        """Multiples of a spacing in view along x (0) or y (1): (coordinate m, position px)."""
+        middle, half = self.camera.centre[axis], self.camera.extent[axis] / 2
+        first, last = math.ceil((middle - half) / spacing), math.floor((middle + half) / spacing)
+        values = np.arange(first, last + 1) * spacing
+        pixels = self.camera.project(np.stack([values, values], axis=-1))[:, axis]
+        return list(zip(values.tolist(), pixels.tolist(), strict=True))
+
+    def _update_ground(self, path: np.ndarray, reference_path: np.ndarray) -> None:
+        """Draw what is new on the ground, or all of it where the view or a path has changed."""
+        same_plan = np.array_equal(reference_path, self._planned)
+        factor = FINE if self.camera.resting and same_plan else QUICK
+        view = (*self.camera.centre.tolist(), self.camera.span, factor)
+        known = len(self._driven)
+        if view == self._view and same_plan and np.array_equal(path[:known], self._driven):
+            self._extend(path[max(known - 1, 0) :], path)
+            return
+        self._view, self._planned, self._driven = view, reference_path.copy(), path.copy()
+        self._draw_grid()
+        corners = np.array([(0.0, 0.0), self.camera.size])
+        with magnified(self._pygame, self._ground, corners, 0.0, factor) as brush:
+            lap = first_lap(evenly(reference_path, self._metres(5.0)))
+            dashed = dashes(lap, on=2, off=1)
+            self._draw_path(brush, dashed[:, :-1], dashed[:, 1:], REFERENCE)
+            points = evenly(path, self._metres(4.0))
+            self._draw_path(brush, points[:-1], points[1:], DRIVEN)
+
+    def _extend(self, fresh: np.ndarray, path: np.ndarray) -> None:
+        """Lengthen the driven path by its latest points, once they lead far enough."""
+        if len(fresh) < 2 or np.ptp(fresh, axis=0).max() < self._metres(1.5):
+            return
+        self._driven = path.copy()
+        around = self.camera.project(fresh)
+        with magnified(self._pygame, self._ground, around, 2 * self._unit, FINE) as brush:
+            self._draw_path(brush, fresh[:-1], fresh[1:], DRIVEN)
+
+    def _draw_path(
+        self, brush: Brush, starts: np.ndarray, ends: np.ndarray, colour: Colour
+    ) -> None:
+        """Draw the segments (..., 2) m of a path that lie near the view."""
+        starts, ends = (self.camera.project(p).reshape(-1, 2) for p in (starts, ends))
+        size = self.camera.size
+        near = ((starts > -size) & (starts < 2 * size) & (ends > -size) & (ends < 2 * size)).all(1)
+        brush.stroke(starts[near], ends[near], LINE * self._unit, colour)
+
+    def _draw_grid(self) -> None:
+        self._ground.fill(FLOOR)
+        spacing = self.spacing()
+        parts = 4 if f"{spacing:e}".startswith("2") else 5
+        lines = [
+            (axis, px, AXIS if value == 0 and step == spacing else colour)
+            for step, colour in ((spacing / parts, MINOR), (spacing, GRID))
+            for axis in (0, 1)
+            for value, px in self.ticks(axis, step)
+        ]
+        for axis, px, colour in sorted(lines, key=lambda line: -sum(line[2])):  # dark ones last
+            box = [0, 0, *self.camera.size.tolist()]
+            box[axis], box[axis + 2] = math.floor(px), 1
+            self._ground.fill(colour, box)
+
+    def _draw_robot(
+        self, brush: Brush, body: np.ndarray, pose: np.ndarray, saturated: np.ndarray
+    ) -> None:
+        brush.fill(body, BODY)
+        brush.outline(body, LINE * self._unit, EDGE)
+        width = self._roller_width * self.camera.scale
+        shapes = zip(self._robot.wheels, self._robot.rollers, saturated, strict=True)
+        for wheel, rollers, full in shapes:
+            brush.fill(self._seen(wheel, pose), SATURATED if full else TYRE)
+            axes = self._seen(rollers, pose)
+            brush.stroke(axes[:, 0], axes[:, 1], width, ROLLER)
+        brush.fill(self._seen(self._robot.nose, pose), EDGE)
+        brush.dot(self.camera.project(pose[:2]), 4.0 * self._unit, EDGE)
+
+    def _draw_ghost(self, brush: Brush, body: np.ndarray, pose: np.ndarray) -> None:
+        brush.outline(body, 1.5 * self._unit, REFERENCE)
+        brush.outline(self._seen(self._robot.nose, pose), 1.5 * self._unit, REFERENCE)
+        brush.dot(self.camera.project(pose[:2]), 2.5 * self._unit, REFERENCE)
+
+    def _seen(self, points: np.ndarray, pose: np.ndarray) -> np.ndarray:
+        """Map body points (..., 2) m of a pose to the view, px."""
+        return self.camera.project(on_floor(points, pose))
+
+    def _metres(self, pixels: float) -> float:
+        """Length on the floor of some pixels of a picture of ordinary size, m."""
+        return pixels * self._unit / self.camera.scale
