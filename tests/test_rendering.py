@@ -336,11 +336,14 @@ def test_closed_window_stays_closed(window):
     assert not pygame.display.get_init()
 
 
-def test_no_display_names_the_remedy(monkeypatch):
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a display is always there")
+@pytest.mark.parametrize("driver", ["x11", None])
+def test_no_display_names_the_remedy(monkeypatch, driver):
     pygame.quit()
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("SDL_VIDEODRIVER", "x11")
+    if driver:
+        monkeypatch.setenv("SDL_VIDEODRIVER", driver)
     with pytest.raises(gym.error.Error, match="rgb_array"):
         show(TopView(youbot(), "human", 25.0))
     pygame.quit()

@@ -132,15 +132,20 @@ class TopView:
         return None
 
     def _open_window(self) -> Any:
+        display = self._pygame.display
         try:
-            self._pygame.display.init()
-            window = self._pygame.display.set_mode(self._frame.get_size())
+            display.init()
+            # Without a display SDL takes a driver that shows nothing, and tells nobody.
+            if display.get_driver() == "offscreen" and "SDL_VIDEODRIVER" not in os.environ:
+                display.quit()
+                raise self._pygame.error("SDL would draw off screen")
+            window = display.set_mode(self._frame.get_size())
         except self._pygame.error as error:
             raise Error(
                 f"render mode 'human' found no display ({error}); use render_mode='rgb_array', or "
                 "run where windows can be opened"
             ) from error
-        self._pygame.display.set_caption(f"{self.platform.name}: top view")
+        display.set_caption(f"{self.platform.name}: top view")
         return window
 
     def _draw_scales(self) -> None:
