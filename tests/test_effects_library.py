@@ -126,11 +126,11 @@ def test_same_on_floats_batches_and_symbols(name, platform):
     batch = np.array(run(tuple(spread), flat, [tuple(row) for row in commands], times, NUMPY))
     shared = np.array(run(values, flat, [tuple(row) for row in commands], times, NUMPY))
     np.testing.assert_allclose(shared, batch, rtol=1e-12, atol=1e-12)
-    function = advance_function(structure, DT, SUBSTEPS, history)
+    function = advance_function(structure, SUBSTEPS, history)
     for k in range(count):
         past = commands[:, :, k]
         single = run(values.tolist(), flat[:, k].tolist(), past.tolist(), float(times[k]), FLOAT)
-        symbolic = np.array(function(flat[:, k], past.T, values, times[k])).ravel()
+        symbolic = np.array(function(flat[:, k], past.T, values, times[k], DT)).ravel()
         np.testing.assert_allclose(single, batch[:, k], rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(symbolic, batch[:, k], rtol=1e-12, atol=1e-12)
 

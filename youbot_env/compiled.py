@@ -15,20 +15,20 @@ from youbot_env.backend import casadi_ops
 from youbot_env.plant import Structure, advance
 
 
-def advance_function(structure: Structure, dt: float, substeps: int = 1, history: int = 1):
+def advance_function(structure: Structure, substeps: int = 1, history: int = 1) -> ca.Function:
     """Build (or find) the CasADi function of one sample interval.
 
     Args:
         structure: platform and effects.
-        dt: sample time, s.
         substeps: Runge-Kutta steps an interval.
         history: how many torque commands it takes, newest first.
 
     Returns:
-        ``F(state, commands, values, t) -> state`` with ``state`` as ``Structure.flatten`` orders
-        it, ``commands`` an (n, history) matrix in N m, ``values`` as ``Model.names()``, t in s.
+        ``F(state, commands, values, t, dt) -> state`` with ``state`` as ``Structure.flatten``
+        orders it, ``commands`` an (n, history) matrix in N m, ``values`` as ``Model.names()``,
+        time ``t`` and sample time ``dt`` in s.
     """
-    return _build(structure.key, dt, substeps, history, _Hidden(structure))
+    return _build(structure.key, substeps, history, _Hidden(structure))
 
 
 class _Hidden:
@@ -45,10 +45,10 @@ class _Hidden:
 
 
 @lru_cache(maxsize=128)
-def _build(key: tuple, dt: float, substeps: int, history: int, hidden: _Hidden):
+def _build(key: tuple, substeps: int, history: int, hidden: _Hidden) -> ca.Function:
     structure, ops = hidden.structure, casadi_ops()
     size = len(structure.flatten(structure.rest()))
-    state, time = ca.SX.sym("state", size), ca.SX.sym("t")
+    state, time, dt = ca.SX.sym("state", size), ca.SX.sym("t"), ca.SX.sym("dt")
     commands = ca.SX.sym("commands", len(structure.platform.wheels), history)
     values = ca.SX.sym("values", structure.value_count)
     past = tuple(tuple(ca.vertsplit(commands[:, k])) for k in range(history))
@@ -66,9 +66,9 @@ def _build(key: tuple, dt: float, substeps: int, history: int, hidden: _Hidden):
     result = ca.cse(ca.vertcat(*structure.flatten(after)))
     return ca.Function(
         "advance",
-        [state, commands, values, time],
+        [state, commands, values, time, dt],
         [result],
-        ["state", "commands", "values", "t"],
+        ["state", "commands", "values", "t", "dt"],
         ["next"],
     )
 
@@ -83,15 +83,17 @@ class Stepper:
     """
 
     def __init__(self, structure: Structure, dt: float, substeps: int = 1, history: int = 1):
-        function = advance_function(structure, dt, substeps, history)
+        function = advance_function(structure, substeps, history)
         self.dt = dt
         self.state = np.array(structure.flatten(structure.rest()), float)
         self.commands = np.zeros((history, len(structure.platform.wheels)))
         self.values = np.zeros(structure.value_count)
         self._time, self._next = np.zeros(1), np.zeros_like(self.state)
+        self._dt = np.array([dt])
         self._function = function  # the buffer below does not keep it alive
         self._buffer, self._call = function.buffer()
-        for index, array in enumerate((self.state, self.commands, self.values, self._time)):
+        inputs = (self.state, self.commands, self.values, self._time, self._dt)
+        for index, array in enumerate(inputs):
             self._buffer.set_arg(index, memoryview(array))
         self._buffer.set_res(0, memoryview(self._next))
 

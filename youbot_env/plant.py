@@ -134,10 +134,18 @@ class Robot:
         s = Signals(self.platform, self.geometry, self.theta, t, v, pose, wheel_angle, command)
         for _, effect, p in self._hooks["kinematics"]:
             s.geometry = effect.kinematics(p, s.geometry, s, ops)
-        increments = [effect.inertial(p, s, ops) for _, effect, p in self._hooks["inertial"]]
-        for increment in increments:
-            s.theta = Theta(*(a + b for a, b in zip(s.theta, increment, strict=True)))
+        change = self.theta_change(s, ops)
+        if change is not None:
+            s.theta = Theta(*_sum(s.theta, change))
         return s
+
+    def theta_change(self, s: Signals, ops: Ops) -> tuple | None:
+        """What effects (a payload) add to theta; None where no effect does."""
+        total = None
+        for _, effect, p in self._hooks["inertial"]:
+            change = effect.inertial(p, s, ops)
+            total = tuple(change) if total is None else _sum(total, change)
+        return total
 
     def deliver(self, s: Signals, internal: tuple, h, ops: Ops) -> tuple[tuple, tuple]:
         """Pass the command through the drive.

@@ -1,0 +1,187 @@
+"""The filtered regression (paper eq. 8, 9), built from the one physics at unit parameters.
+
+No column is written by hand: the column of a parameter in which the dynamics are linear is
+what ``dynamics`` or an effect's law gives when that parameter is one and the others are zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.filters import interval_hold, linear_hold, linear_hold_rate
+from ident.log import Log
+from ident.signals import Measured, measure
+from youbot_env import dynamics
+from youbot_env.backend import NUMPY
+from youbot_env.dynamics import Theta
+from youbot_env.model import Model
+
+# Corner of the filters, rad/s: above the motions (a few rad/s), below the noise of differences.
+CORNER = 10.0
+AXES = ("x", "y", "yaw")
+
+
+@dataclass(frozen=True)
+class Regression:
+    """Rows ``y = H theta + residual`` of one or more contiguous pieces.
+
+    The force rows are multiplied by the lever L as in paper eq. (7), so all rows are in N m and
+    carry equal noise on a mecanum platform.
+
+    Attributes:
+        names: names of the P columns, theta first.
+        H: (N, 3, P) columns.
+        y: (N, 3) filtered generalized forces (L F_X, L F_Y, M_O), N m, less known effects.
+        time: (N,) s.
+        piece: (N,) number of the piece each row belongs to.
+        lever: L, m.
+    """
+
+    names: tuple[str, ...]
+    H: np.ndarray
+    y: np.ndarray
+    time: np.ndarray
+    piece: np.ndarray
+    lever: float
+
+    @property
+    def rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """``(H (3N, P), y (3N,))`` with the axes of each sample next to each other."""
+        return self.H.reshape(-1, self.H.shape[2]), self.y.ravel()
+
+    def residual(self, estimate: np.ndarray) -> np.ndarray:
+        """(N, 3) rows of ``y - H theta``, N m."""
+        return self.y - self.H @ estimate
+
+    def only(self, keep: np.ndarray) -> Regression:
+        """Return the rows of a boolean mask (N,)."""
+        return Regression(
+            self.names, self.H[keep], self.y[keep], self.time[keep], self.piece[keep], self.lever
+        )
+
+
+def build_regression(
+    log: Log,
+    model: Model,
+    corner: float = CORNER,
+    transform: Callable[[Log], Log] | None = None,
+    settle: float = 5.0,
+) -> Regression:
+    """Build the regression of a log in theta and in the linear parameters of the model's effects.
+
+    Args:
+        log: measured record with wheel torques.
+        model: platform and effects; nonlinear parameters of effects stay at the model's values.
+        corner: corner of the filters, rad/s.
+        transform: replaces each piece before columns are built (instruments from a simulation).
+        settle: rows left out at the start of each piece, in units of 1 / corner; before, an unknown
+            history (a lag's state, an offset) still shows.
+
+    Raises:
+        ValueError: no piece is long enough.
+    """
+    parts = []
+    for number, piece in enumerate(log.pieces()):
+        skip = int(np.searchsorted(piece.time, piece.time[0] + settle / corner))
+        if len(piece.time) - skip < 2:
+            continue
+        seen = measure(transform(piece) if transform else piece, model, origin=log.time[0])
+        H, y = _columns(seen, model, corner)
+        parts.append((H[skip:], y[skip:], piece.time[skip:], np.full(len(y) - skip, number)))
+    if not parts:
+        raise ValueError(
+            f"log {log.name!r}: no contiguous piece is longer than {settle / corner:.2g} s, which "
+            "the filters need to settle; record longer without gaps"
+        )
+    H, y, time, piece = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Regression(linear_names(model), H, y, time, piece, model.platform.lever)
+
+
+def linear_names(model: Model) -> tuple[str, ...]:
+    """Names of the parameters that enter linearly: theta, then those of effects."""
+    names = list(Theta._fields)
+    for active in model.effects:
+        names += [f"{active.identifier}.{name}" for name in active.values
+                  if _is_linear(active.effect, name)]  # fmt: skip
+    return tuple(names)
+
+
+def _is_linear(effect, flat_name: str) -> bool:
+    """Tell whether a flat parameter name belongs to a linear parameter that has a column."""
+    matches = [p for p in effect.parameters
+               if flat_name == p.name or flat_name.startswith(f"{p.name}_")]  # fmt: skip
+    return max(matches, key=lambda p: len(p.name)).linear
+
+
+def _columns(seen: Measured, model: Model, corner: float) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (N, 3, P) and right side (N, 3) of one piece.
+
+    The forces of drive and effects are linearised at the model's values, one parameter at a time;
+    in parameters that enter linearly this is exact.
+    """
+    filters = _Filters(seen.time, corner, model.platform.lever)
+    columns = [filters.inertial(seen, row) for row in np.eye(7).tolist()]
+    values = np.array(model.values())
+    force, extra = filters.force(seen), seen.robot.theta_change(seen.signals, NUMPY)
+    right = force if extra is None else force - filters.inertial(seen, extra)
+    names = model.names()
+    for name in linear_names(model)[7:]:
+        at = names.index(name)
+        moved = values.copy()
+        moved[at] += 1.0
+        other = seen.with_values(moved)
+        column = force - filters.force(other)
+        if extra is not None:
+            change = other.robot.theta_change(other.signals, NUMPY)
+            column = column + filters.inertial(
+                seen, [b - a for a, b in zip(extra, change, strict=True)]
+            )
+        columns.append(column)
+        right = right + column * values[at]
+    return np.stack(columns, axis=-1), right
+
+
+class _Filters:
+    """The filters of one piece, with force rows scaled by the lever."""
+
+    def __init__(self, time: np.ndarray, corner: float, lever: float):
+        self.time, self.corner = time, corner
+        self.scale = np.array([lever, lever, 1.0])
+
+    def inertial(self, seen: Measured, theta) -> np.ndarray:
+        """Filtered left side ``d/dt (M v) + centripetal + D v`` for theta.
+
+        Entries of theta may vary over time (a payload): mass that comes or goes takes its
+        momentum along, so only ``theta_j d(M_j v)/dt`` counts.
+        """
+        s, total = seen.signals, 0.0
+        for number, weight in enumerate(theta):
+            if np.ndim(weight) == 0 and weight == 0.0:
+                continue
+            unit = Theta(*np.eye(7)[number].tolist())
+            momentum = self._stack(dynamics.momentum(s.geometry, unit, s.v))
+            force = self._stack(dynamics.centripetal(unit, s.v)) + self._stack(
+                dynamics.friction(s.geometry, unit, s.v)
+            )
+            if np.ndim(weight):
+                middle = 0.5 * (weight[1:] + weight[:-1])[:, None]
+                steps = np.cumsum(middle * np.diff(momentum, axis=0), axis=0)
+                momentum = np.concatenate([np.zeros((1, 3)), steps])
+                force = force * weight[:, None]
+            rate = linear_hold_rate(momentum, self.time, self.corner)
+            total = total + rate + linear_hold(force, self.time, self.corner)
+        return total * self.scale
+
+    def force(self, seen: Measured) -> np.ndarray:
+        """Filtered generalized forces of drive and effects, torques held within each interval."""
+        begin, end = (self._stack(wrench) for wrench in seen.interval_wrenches())
+        return interval_hold(begin, end, self.time, self.corner) * self.scale
+
+    def _stack(self, components: tuple) -> np.ndarray:
+        shape = (max(np.size(c) for c in components),)
+        return np.stack([np.broadcast_to(c, shape) for c in components], axis=-1) * np.ones(
+            (1 if shape[0] > 1 else len(self.time), 1)
+        )

@@ -1,0 +1,145 @@
+"""What was measured, as the components that the physics reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.filters import delayed_hold
+from ident.log import Log
+from youbot_env.backend import NUMPY
+from youbot_env.dynamics import factorize, solve
+from youbot_env.effects.base import Signals
+from youbot_env.model import Model
+from youbot_env.plant import Robot, Structure, pose_rate
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One contiguous piece of a log seen through a model.
+
+    Attributes:
+        time: (N,) s.
+        robot: the model's structure with its values.
+        signals: what laws read, arrays (N,) as components.
+        delivered: n torques on the shafts (N,), N m, held between samples, after the drive's gain,
+            offset, limit, delay and lag.
+        piece, model, origin: what this was made of.
+    """
+
+    time: np.ndarray
+    robot: Robot
+    signals: Signals
+    delivered: tuple
+    piece: Log
+    model: Model
+    origin: float
+
+    def with_values(self, values: np.ndarray) -> Measured:
+        """Look at the same piece with other values of the model's parameters."""
+        return measure(self.piece, self.model, values, self.origin)
+
+    def interval_wrenches(self) -> tuple[tuple, tuple]:
+        """Generalized forces at the beginning and end of each interval, components (N-1,).
+
+        The torque of an interval is held through it while velocities run on; a law of both is
+        evaluated with the same torque at either end.
+        """
+        rest = Structure.of(self.model).rest().internal
+        torque = tuple(np.asarray(m)[:-1] for m in self.delivered)
+        ends = []
+        for rows in (slice(None, -1), slice(1, None)):
+            s = _rows(self.signals, rows)
+            s.command = tuple(np.asarray(m)[:-1] for m in self.signals.command)
+            ends.append(self.robot.wrench(torque, s, rest, NUMPY))
+        return ends[0], ends[1]
+
+
+def measure(piece: Log, model: Model, values=None, origin: float = 0.0) -> Measured:
+    """Look at one contiguous piece through a model.
+
+    Args:
+        piece: a log without gaps, with wheel torques.
+        model: platform, effects and values.
+        values: other values in the order of ``model.names()``.
+        origin: time at which the clock of the effects starts, s (the start of the log).
+    """
+    structure = Structure.of(model)
+    robot = structure.bind(np.asarray(model.values() if values is None else values, float).tolist())
+    torque = delayed_hold(piece.wheel_torque, piece.time, robot.delay())
+    command = tuple(torque.T)
+    angle = _wheel_angle(piece)
+    pose = None if piece.pose is None else tuple(piece.pose.T)
+    guess = tuple(piece.velocity().T)
+    if pose is None:
+        pose = _odometry(piece.time, guess)
+    clock = piece.time - origin
+    signals = robot.signals(clock, guess, pose, angle, command, NUMPY)
+    if robot.acting("kinematics") and piece.body_velocity is None:
+        v = body_velocity(signals.geometry, tuple(piece.wheel_velocity.T))
+        signals = robot.signals(clock, v, pose, angle, command, NUMPY)
+    delivered = _deliver(robot, structure, signals)
+    return Measured(piece.time, robot, signals, delivered, piece, model, origin)
+
+
+def body_velocity(geometry, wheel_velocity: tuple) -> tuple:
+    """Least-squares body velocities of measured wheel speeds, by components."""
+    return solve(factorize(geometry.wheel_metric), geometry.wrench(wheel_velocity))
+
+
+def _wheel_angle(piece: Log) -> tuple:
+    """Wheel angles integrated from their speeds, zero at the first sample."""
+    n = len(piece.platform.wheels)
+    speed = piece.wheel_velocity
+    if speed is None:
+        speed = piece.velocity() @ piece.platform.jacobian_array.T
+    return tuple(_integral(piece.time, speed[:, k]) for k in range(n))
+
+
+def _odometry(time: np.ndarray, v: tuple) -> tuple:
+    yaw = _integral(time, v[2])
+    rate = pose_rate(v, yaw, NUMPY)
+    return _integral(time, rate[0]), _integral(time, rate[1]), yaw
+
+
+def _integral(time: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    areas = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time)
+    return np.concatenate([[0.0], np.cumsum(areas)])
+
+
+def _deliver(robot: Robot, structure: Structure, s: Signals) -> tuple:
+    """Torques on the shafts; the drive's own states are followed through the record."""
+    rest = structure.rest().internal
+    carries = any(state for (_, effect, _), state in zip(robot.effects, rest, strict=True)
+                  if effect.acts("drive"))  # fmt: skip
+    if not carries:
+        return robot.deliver(s, rest, 0.0, NUMPY)[0]
+    count = len(s.t)
+    command = np.array(s.command)
+    delivered = np.empty_like(command)
+    steps = np.append(np.diff(s.t), s.t[-1] - s.t[-2])
+    internal = rest
+    for k in range(count):
+        now = _rows(s, k)
+        # The torque half way through the interval stands for its mean.
+        delivered[:, k], _ = robot.deliver(now, internal, 0.5 * steps[k], NUMPY)
+        _, internal = robot.deliver(now, internal, steps[k], NUMPY)
+    return tuple(delivered)
+
+
+def _rows(s: Signals, rows) -> Signals:
+    """Signals at some samples, Jacobians and parameters that vary over time included."""
+
+    def cut(component):
+        return component[rows] if np.ndim(component) else component
+
+    def pick(components: tuple) -> tuple:
+        return tuple(pick(c) if isinstance(c, tuple) else cut(c) for c in components)
+
+    geometry = type(s.geometry)(*(pick(part) for part in s.geometry))
+    theta = type(s.theta)(*pick(s.theta))
+    return Signals(
+        s.platform, geometry, theta, cut(s.t), pick(s.v), pick(s.pose), pick(s.wheel_angle),
+        pick(s.command),
+    )  # fmt: skip
