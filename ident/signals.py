@@ -67,7 +67,7 @@ def measure(piece: Log, model: Model, values=None, origin: float = 0.0) -> Measu
     """
     structure = Structure.of(model)
     robot = structure.bind(np.asarray(model.values() if values is None else values, float).tolist())
-    torque = delayed_hold(piece.wheel_torque, piece.time, robot.delay())
+    torque = delayed_hold(piece.command, piece.time, robot.delay())
     command = tuple(torque.T)
     angle = _wheel_angle(piece)
     pose = None if piece.pose is None else tuple(piece.pose.T)

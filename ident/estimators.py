@@ -1,0 +1,150 @@
+"""Estimators of the linear regression and intervals that hold for coloured residuals.
+
+Residuals of the filtered regression are far from white, and wheel-speed noise enters the regressors
+and, through the wheel loops, the torques.  Hence covariances from the scatter between stretches of
+time (clusters), never from single rows, and instruments that know nothing of the noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from ident.filters import linear_hold
+from ident.log import Log
+from ident.regression import Regression
+
+# Enough stretches for a stable covariance, each several filter time constants long.
+CLUSTERS = 40
+# Columns whose smallest share of the largest singular value is below this are not told apart.
+RANK_TOLERANCE = 1e-7
+# Wheel-speed loops follow their reference by about this much, s; the instrument is delayed alike.
+FOLLOWING_LAG = 0.1
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Values of the regression's parameters with a covariance.
+
+    Attributes:
+        method: ``least squares`` or ``instrumental variables``.
+        names: (P) names, theta first.
+        values: (P,) in SI units.
+        covariance: (P, P).
+        clusters: stretches of time the covariance was taken from.
+        undetermined: (P, k) orthonormal directions, in scaled units, that the rows do not see;
+            the estimate keeps the prior there.
+        scale: (P,) column scaling in which those directions are meant.
+    """
+
+    method: str
+    names: tuple[str, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    clusters: int
+    undetermined: np.ndarray
+    scale: np.ndarray
+
+    @property
+    def standard_errors(self) -> np.ndarray:
+        """(P,) standard errors."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def quantile(self) -> float:
+        """Half width of a 95 % interval in standard errors (Student, clusters - 1)."""
+        return float(stats.t.ppf(0.975, max(self.clusters - 1, 1)))
+
+    def combination(self, weights: np.ndarray) -> tuple[float, float]:
+        """Value and standard error of ``weights @ parameters``."""
+        weights = np.asarray(weights, float)
+        return float(weights @ self.values), float(np.sqrt(weights @ self.covariance @ weights))
+
+
+def cluster_numbers(regression: Regression, clusters: int = CLUSTERS) -> np.ndarray:
+    """(N,) number of the stretch each row belongs to: equal counts of rows in order of time."""
+    count = len(regression.time)
+    return (np.arange(count) * min(clusters, count)) // count
+
+
+def least_squares(
+    regression: Regression, prior: np.ndarray | None = None, clusters: int = CLUSTERS
+) -> Estimate:
+    """Ordinary least squares with cluster-robust covariance.
+
+    Args:
+        regression: rows.
+        prior: (P,) values kept along directions the rows do not see; zero when None.
+        clusters: stretches of time for the covariance.
+    """
+    return _solve(regression, regression.H, "least squares", prior, clusters)
+
+
+def instrumental_variables(
+    regression: Regression,
+    instruments: np.ndarray,
+    prior: np.ndarray | None = None,
+    clusters: int = CLUSTERS,
+) -> Estimate:
+    """Just-identified instrumental variables with cluster-robust covariance.
+
+    Args:
+        regression: rows.
+        instruments: (N, 3, P) columns free of the measurement noise, see ``reference_instruments``.
+        prior, clusters: as for ``least_squares``.
+    """
+    return _solve(regression, instruments, "instrumental variables", prior, clusters)
+
+
+def reference_motion(log: Log, lag: float = FOLLOWING_LAG) -> Log:
+    """The motion that was asked for in place of the measured one: the source of instruments.
+
+    The reference knows nothing of the sensors' noise.  It is delayed as the wheel loops delay
+    the robot; a wrong lag costs precision, never consistency.
+    """
+    wanted = linear_hold(log.reference, log.time, 1.0 / lag, start=log.reference[0])
+    return replace(log, body_velocity=wanted, wheel_velocity=None)
+
+
+def durbin_wu_hausman(plain: Estimate, robust: Estimate) -> float:
+    """P value of "least squares is as good as instrumental variables" (small: it is biased).
+
+    The variance of the difference is bounded by that of the instrumental estimate, so the test
+    errs on the side of silence.
+    """
+    gap = robust.values - plain.values
+    scaled = gap / robust.standard_errors
+    correlation = robust.covariance / np.outer(robust.standard_errors, robust.standard_errors)
+    statistic = float(scaled @ np.linalg.pinv(correlation, rcond=1e-10) @ scaled)
+    count, spare = len(gap), max(robust.clusters - len(gap), 1)
+    return float(stats.f.sf(statistic / count, count, spare))
+
+
+def _solve(
+    regression: Regression, instruments: np.ndarray, method: str, prior, clusters: int
+) -> Estimate:
+    H, y = regression.H, regression.y
+    count = H.shape[2]
+    prior = np.zeros(count) if prior is None else np.asarray(prior, float)
+    scale = np.sqrt(np.einsum("nap,nap->p", H, H))
+    scale = np.where(scale > 0, scale, 1.0)
+    X, Z = H / scale, instruments / scale
+    _, singular, right = np.linalg.svd(np.einsum("nap,naq->pq", X, X))
+    seen = singular > RANK_TOLERANCE * singular[0]
+    basis, blind = right[seen].T, right[~seen].T
+    gap = y - H @ prior
+    Zb = Z @ basis
+    gram = np.einsum("nap,naq->pq", Zb, X @ basis)
+    step = np.linalg.solve(gram, np.einsum("nap,na->p", Zb, gap))
+    residual = gap - (X @ basis) @ step
+    number = cluster_numbers(regression, clusters)
+    total = int(number[-1]) + 1
+    scores = np.zeros((total, Zb.shape[2]))
+    np.add.at(scores, number, np.einsum("nap,na->np", Zb, residual))
+    inverse = np.linalg.inv(gram)
+    meat = scores.T @ scores * total / max(total - 1, 1)
+    covariance = basis @ (inverse @ meat @ inverse.T) @ basis.T / np.outer(scale, scale)
+    values = prior + basis @ step / scale
+    return Estimate(method, regression.names, values, covariance, total, blind, scale)

@@ -1,0 +1,157 @@
+"""Free run: velocities simulated from the measured drive input alone, against the measured ones.
+
+Each window starts at the measured velocity and pose and sees no measurement after that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from ident.log import Log
+from youbot_env.compiled import advance_function
+from youbot_env.model import Model
+from youbot_env.plant import Structure
+from youbot_env.simulation.analytic import choose_substeps, history_length
+
+WINDOW = 5.0
+
+
+@dataclass(frozen=True)
+class FreeRun:
+    """Simulated against measured body velocities.
+
+    Attributes:
+        time: (N,) s.
+        simulated, measured: (N, 3) m/s, m/s, rad/s.
+        window: (N,) number of the window.
+    """
+
+    time: np.ndarray
+    simulated: np.ndarray
+    measured: np.ndarray
+    window: np.ndarray
+
+    @property
+    def rmse(self) -> np.ndarray:
+        """(3,) root mean square errors of V_X, V_Y m/s and Omega rad/s."""
+        return np.sqrt(np.mean((self.simulated - self.measured) ** 2, axis=0))
+
+    @property
+    def nrmse(self) -> float:
+        """Error as a share of the signals' rms about their means, over the three axes."""
+        spread = self.measured.std(axis=0)
+        moving = spread > 1e-9
+        return float(np.sqrt(np.mean((self.rmse[moving] / spread[moving]) ** 2)))
+
+
+@dataclass(frozen=True)
+class Windows:
+    """A log cut into windows of equal length for one model structure.
+
+    Attributes:
+        start: (size, W) states at the beginning of each window.
+        commands: (n * history, L * W) torque commands, newest first.
+        clock, step: (1, L * W) time from the start of the log and sample times, s.
+        index: (W, L) rows of the log that the simulation is compared with.
+        structure, substeps, history: what is simulated.
+    """
+
+    start: np.ndarray
+    commands: np.ndarray
+    clock: np.ndarray
+    step: np.ndarray
+    index: np.ndarray
+    structure: Structure
+    substeps: int
+    history: int
+
+    @property
+    def function(self) -> ca.Function:
+        """``F(start, commands, values, clock, step) -> states (size, L * W)`` of all windows."""
+        count, length = self.index.shape
+        return _windows_function(
+            advance_function(self.structure, self.substeps, self.history), length, count
+        )
+
+    def simulate(self, values) -> np.ndarray:
+        """States (W, L, size) after each sample for flat parameter values."""
+        states = self.function(self.start, self.commands, np.asarray(values), self.clock, self.step)
+        count, length = self.index.shape
+        return np.asarray(states).T.reshape(count, length, -1)
+
+
+def cut_windows(log: Log, model: Model, window: float = WINDOW) -> Windows:
+    """Cut a log into windows of ``window`` seconds; a shorter rest at the end is left out.
+
+    Raises:
+        ValueError: no contiguous piece holds one window.
+    """
+    structure = Structure.of(model)
+    dt = log.dt
+    substeps = choose_substeps(model, dt)
+    delay = structure.bind(model.values()).delay()
+    history = history_length(structure, delay, dt)
+    length = max(1, round(window / dt))
+    starts, blocks, index, clocks, steps = [], [], [], [], []
+    velocity, offset, command = log.velocity(), 0, log.command
+    for piece in log.pieces():
+        count = len(piece.time)
+        past = np.stack([np.maximum(np.arange(count) - k, 0) for k in range(history)], axis=1)
+        for begin in range(0, count - length, length):
+            rows = offset + begin + np.arange(length)
+            pose = (0.0, 0.0, 0.0) if log.pose is None else log.pose[rows[0]]
+            rest = structure.rest(tuple(pose), tuple(velocity[rows[0]]))
+            starts.append(structure.flatten(rest))
+            blocks.append(command[offset + past[begin : begin + length]].reshape(length, -1))
+            clocks.append(log.time[rows] - log.time[0])
+            steps.append(log.time[rows + 1] - log.time[rows])
+            index.append(rows + 1)
+        offset += count
+    if not starts:
+        raise ValueError(
+            f"log {log.name!r} lasts {log.duration:.3g} s and has no contiguous window of "
+            f"{window:.3g} s; choose a shorter window or record longer"
+        )
+    return Windows(
+        np.array(starts).T,
+        np.concatenate(blocks).T,
+        np.concatenate(clocks)[None],
+        np.concatenate(steps)[None],
+        np.array(index),
+        structure,
+        substeps,
+        history,
+    )
+
+
+def free_run(log: Log, model: Model, window: float = WINDOW) -> FreeRun:
+    """Simulate a log's windows with a model from the measured drive input alone."""
+    windows = cut_windows(log, model, window)
+    simulated = windows.simulate(model.values())[:, :, 3:6].reshape(-1, 3)
+    rows = windows.index.ravel()
+    number = np.repeat(np.arange(len(windows.index)), windows.index.shape[1])
+    return FreeRun(log.time[rows], simulated, log.velocity()[rows], number)
+
+
+@lru_cache(maxsize=32)
+def _windows_function(advance: ca.Function, length: int, count: int) -> ca.Function:
+    """One window is the step accumulated over its samples; all windows are mapped over it."""
+    along = advance.mapaccum("window", length, ["state"], ["next"])
+    size, wheels = advance.size1_in(0), advance.numel_in(1)
+    start = ca.MX.sym("start", size, count)
+    commands = ca.MX.sym("commands", wheels, length * count)
+    values = ca.MX.sym("values", advance.size1_in(2))
+    clock, step = ca.MX.sym("clock", 1, length * count), ca.MX.sym("step", 1, length * count)
+    shaped = ca.reshape(commands, advance.size1_in(1), -1)
+    states = []
+    for k in range(count):
+        columns = slice(k * length, (k + 1) * length)
+        past = shaped[:, k * length * advance.size2_in(1) : (k + 1) * length * advance.size2_in(1)]
+        states.append(
+            along(start[:, k], past, ca.repmat(values, 1, length), clock[columns], step[columns])
+        )
+    return ca.Function("windows", [start, commands, values, clock, step], [ca.horzcat(*states)])
