@@ -1,8 +1,8 @@
 """First-order filters of sampled signals, exact for the way each signal lives between samples.
 
-``F = a / (p + a)`` with p the derivative (paper eq. 8).  Velocities run straight from sample to sample
-(first-order hold), torque commands are held (zero-order hold).  A zero-order hold on velocities
-would bias the wheel inertia by 11 % at 100 Hz.  Sample times may vary.
+``F = a / (p + a)`` with p the derivative (paper eq. 8).  Velocities run straight from sample to
+sample (first-order hold), torque commands are held (zero-order hold).  A zero-order hold on
+velocities would bias the wheel inertia by 11 % at 100 Hz.  Sample times may vary.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ import hashlib
 import itertools
 import os
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -112,7 +113,9 @@ class Log:
             LogError: the log cannot be used; the message names row, column, value and remedy.
         """
         path, platform = Path(path), platform or youbot()
-        record = examine(read(path, platform), path.name, platform, mapping, kt, gear)
+        with ThreadPoolExecutor(1) as pool:  # hashing a large file takes as long as reading it
+            digest = pool.submit(_digest, path)
+            record = examine(read(path, platform), path.name, platform, mapping, kt, gear)
         findings = tuple(record.findings)
         if strict and any(finding.severity == "warning" for finding in findings):
             raise LogError(path.name, [f for f in findings if f.severity == "warning"])
@@ -128,7 +131,7 @@ class Log:
             **values,
             starts=(0, *(np.flatnonzero(record.breaks[1:]) + 1).tolist()),
             findings=findings,
-            digest=_digest(path),
+            digest=digest.result(),
             source=path.name,
         )
 
@@ -154,6 +157,11 @@ class Log:
         if self.wheel_voltage is not None:
             return "voltage"
         raise ValueError(f"log {self.name!r} has neither wheel torques nor voltages")
+
+    @property
+    def command(self) -> np.ndarray:
+        """(N, n) drive input: torques, N m, or voltages, V."""
+        return self.wheel_torque if self.drive == "torque" else self.wheel_voltage
 
     def velocity(self) -> np.ndarray:
         """(N, 3) body velocities, m/s, m/s, rad/s.

@@ -1,8 +1,8 @@
 """The recursive estimator of the paper (eq. 10) in information form, one sample at a time.
 
-``Y' = H'H - f Y``, ``b' = H'z - f b``, estimate ``Y^-1 b``.  The information form is the exact solution of
-the paper's equations for P and the estimate; it has no covariance that could drift or turn
-indefinite.
+``Y' = H'H - f Y``, ``b' = H'z - f b``, estimate ``Y^-1 b``.  The information form is the exact
+solution of the paper's equations for P and the estimate; it has no covariance that could drift or
+turn indefinite.
 """
 
 from __future__ import annotations

@@ -56,6 +56,16 @@ class Regression:
         """(N, 3) rows of ``y - H theta``, N m."""
         return self.y - self.H @ estimate
 
+    @classmethod
+    def join(cls, parts: list[Regression]) -> Regression:
+        """Put the rows of several logs under each other."""
+        pieces, offset = [], 0
+        for part in parts:
+            pieces.append(part.piece + offset)
+            offset = pieces[-1].max() + 1
+        stacked = [np.concatenate([getattr(p, name) for p in parts]) for name in ("H", "y", "time")]
+        return cls(parts[0].names, *stacked, np.concatenate(pieces), parts[0].lever)
+
     def only(self, keep: np.ndarray) -> Regression:
         """Return the rows of a boolean mask (N,)."""
         return Regression(
@@ -104,16 +114,9 @@ def linear_names(model: Model) -> tuple[str, ...]:
     """Names of the parameters that enter linearly: theta, then those of effects."""
     names = list(Theta._fields)
     for active in model.effects:
-        names += [f"{active.identifier}.{name}" for name in active.values
-                  if _is_linear(active.effect, name)]  # fmt: skip
+        linear = [name for name in active.values if active.effect.parameter_of(name).linear]
+        names += [f"{active.identifier}.{name}" for name in linear]
     return tuple(names)
-
-
-def _is_linear(effect, flat_name: str) -> bool:
-    """Tell whether a flat parameter name belongs to a linear parameter that has a column."""
-    matches = [p for p in effect.parameters
-               if flat_name == p.name or flat_name.startswith(f"{p.name}_")]  # fmt: skip
-    return max(matches, key=lambda p: len(p.name)).linear
 
 
 def _columns(seen: Measured, model: Model, corner: float) -> tuple[np.ndarray, np.ndarray]:

@@ -191,6 +191,22 @@ class Effect:
         return tuple(names)
 
     @classmethod
+    def parameter_of(cls, flat_name: str) -> Parameter:
+        """Return the parameter that a flat name (``fc`` or ``fc_fl``) belongs to.
+
+        Raises:
+            ValueError: the effect has no such parameter.
+        """
+        matches = [
+            parameter
+            for parameter in cls.parameters
+            if flat_name == parameter.name or flat_name.startswith(f"{parameter.name}_")
+        ]
+        if not matches:
+            raise ValueError(f"effect {cls.identifier} has no parameter {flat_name!r}")
+        return max(matches, key=lambda parameter: len(parameter.name))
+
+    @classmethod
     def arrange(cls, values: dict, platform: Platform) -> SimpleNamespace:
         """Turn flat values by name into what the laws read (tuples for per-wheel parameters)."""
         arranged = {}

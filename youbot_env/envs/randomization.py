@@ -73,7 +73,7 @@ class Independent(Randomization):
             else:
                 values[key] = float(rng.uniform(a, b)) * (values[key] if kind == "scale" else 1.0)
             if group:
-                low, high = _bounds(group, key)
+                low, high = get_effect(group).parameter_of(key).bounds
                 values[key] = float(np.clip(values[key], low, high))
         return replace(model, parameters=Parameters(**parameters)).with_effects(effects)
 
@@ -105,12 +105,5 @@ class Posterior(Randomization):
         for at, name in enumerate(model.names()):
             group, _, key = name.rpartition(".")
             if group:
-                drawn[at] = np.clip(drawn[at], *_bounds(group, key))
+                drawn[at] = np.clip(drawn[at], *get_effect(group).parameter_of(key).bounds)
         return model.with_values(drawn)
-
-
-def _bounds(identifier: str, flat_name: str) -> tuple[float, float]:
-    for parameter in get_effect(identifier).parameters:
-        if flat_name == parameter.name or flat_name.startswith(f"{parameter.name}_"):
-            return parameter.bounds
-    raise ValueError(f"effect {identifier} has no parameter {flat_name!r}")
