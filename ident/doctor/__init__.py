@@ -2,20 +2,40 @@
 
 from __future__ import annotations
 
+from ident.doctor.agreement import check_agreement
 from ident.doctor.cells import check_cells
 from ident.doctor.clock import check_clock
 from ident.doctor.columns import examine_columns
 from ident.doctor.drive import check_drive
+from ident.doctor.effort import check_effort
 from ident.doctor.finding import Finding, LogError
-from ident.doctor.motion import check_motion, check_velocity
+from ident.doctor.motion import check_length, check_motion, check_velocity
 from ident.doctor.record import Record
+from ident.doctor.signs import check_signs
+from ident.doctor.spikes import check_spikes
+from ident.doctor.stuck import check_stuck
 from ident.doctor.table import Table
+from ident.doctor.units import check_angle, check_units
 from youbot_env.platform import Platform
 
 __all__ = ["Finding", "LogError", "Record", "examine"]
 
 # In this order: each check relies on what those before it have put right.
-CHECKS = (check_velocity, check_clock, check_cells, check_drive, check_motion)
+CHECKS = (
+    check_velocity,
+    check_clock,
+    check_cells,
+    check_drive,
+    check_length,
+    check_stuck,
+    check_spikes,
+    check_angle,
+    check_signs,
+    check_units,
+    check_effort,
+    check_motion,
+    check_agreement,
+)
 
 
 def examine(

@@ -24,14 +24,17 @@ def check_velocity(record: Record) -> None:
         )
 
 
-def check_motion(record: Record) -> None:
-    """Refuse a log that is too short or rests; tell what hardly moves."""
+def check_length(record: Record) -> None:
+    """Refuse a log that is too short; tell a short one."""
     duration = float(record.time[-1] - record.time[0])
     if duration < SHORTEST:
         record.refuse(f"the log lasts {duration:.3g} s", "file", f"record {SHORT:.0f} s or more")
-        return
-    if duration < SHORT:
+    elif duration < SHORT:
         record.warn(f"the log lasts only {duration:.3g} s", "file", f"record {SHORT:.0f} s or more")
+
+
+def check_motion(record: Record) -> None:
+    """Refuse a log that rests; tell axes that hardly move."""
     velocity = body_velocity(record) * [1, 1, record.platform.lever]
     rms = np.sqrt(np.mean(velocity**2, axis=0))
     if rms.max() < REST:

@@ -48,6 +48,7 @@ class Record:
         columns: names in the file, by channel.
         breaks: (N,) true where a sample does not follow from the one before.
         findings: what was noticed so far.
+        derived: what was computed from the channels; emptied whenever one changes.
     """
 
     source: str
@@ -61,6 +62,7 @@ class Record:
     columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
     breaks: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     findings: list[Finding] = field(default_factory=list)
+    derived: dict = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         if not len(self.breaks):
@@ -69,6 +71,16 @@ class Record:
     def get(self, channel: str) -> np.ndarray | None:
         """Return a channel, or None where the log has none."""
         return self.channels.get(channel)
+
+    def set(self, channel: str, values: np.ndarray) -> None:
+        """Replace the values of a channel."""
+        self.channels[channel] = values
+        self.derived.clear()
+
+    def leave_out(self, channel: str) -> None:
+        """Forget a channel."""
+        del self.channels[channel]
+        self.derived.clear()
 
     @property
     def dt(self) -> float:
@@ -116,11 +128,13 @@ class Record:
             breaks[1:] |= rows[:-1] & keep[1:]
         self.time, self.lines, self.breaks = self.time[keep], self.lines[keep], breaks[keep]
         self.channels = {name: array[keep] for name, array in self.channels.items()}
+        self.derived.clear()
 
     def reorder(self, order: np.ndarray) -> None:
         """Put the samples into another order."""
         self.time, self.lines = self.time[order], self.lines[order]
         self.channels = {name: array[order] for name, array in self.channels.items()}
+        self.derived.clear()
 
 
 def runs(flags: np.ndarray) -> list[tuple[int, int]]:

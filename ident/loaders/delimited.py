@@ -79,7 +79,8 @@ def _split(line: str, separator: str) -> list[str]:
 
 def parse(data: bytes, path: Path) -> Table:
     """Find header and rows in the bytes of a text table; ``path`` is named in errors."""
-    ends = np.flatnonzero(np.frombuffer(data, np.uint8) == ord("\n"))
+    codes = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(codes == ord("\n"))
     begins = np.concatenate([[0], ends[:-1] + 1])
     number, names, separator = _header(data, begins, ends, path)
     table = Table({}, np.empty(0, int))
@@ -87,17 +88,17 @@ def parse(data: bytes, path: Path) -> Table:
     lines = np.arange(number + 1, number + 1 + len(begins))
     if not len(lines):
         raise refuse(path, "there is no row after the names", f"line {number}", "record again")
-    body = data[begins[0] :]
-    first = np.frombuffer(data, np.uint8)[begins]
-    keep = (first != ord("#")) & (ends > begins)
-    cells = _cells(data, separator, begins, ends)
-    if keep.any() and np.all(cells[keep][:-1] == len(names) + 1) and len(names) > 1:
-        names = [*names, ""]  # a separator at the end of each row
-    wrong = keep & (cells != len(names))
-    if wrong.any():
-        _ragged(table, path, wrong, cells, lines, names, separator)
-        keep &= ~wrong
-    if not keep.all():
+    body = memoryview(data)[begins[0] :]
+    keep = (codes[begins] != ord("#")) & (ends > begins)
+    found = np.count_nonzero(codes[begins[0] :] == ord(separator))
+    if not keep.all() or found != len(lines) * (len(names) - 1):
+        cells = _cells(data, separator, begins, ends)
+        if keep.any() and np.all(cells[keep][:-1] == len(names) + 1) and len(names) > 1:
+            names = [*names, ""]  # a separator at the end of each row
+        wrong = keep & (cells != len(names))
+        if wrong.any():
+            _ragged(table, path, wrong, cells, lines, names, separator)
+            keep &= ~wrong
         pairs = zip(begins[keep], ends[keep], strict=True)
         body = b"\n".join(data[begin:end] for begin, end in pairs) + b"\n"
         lines = lines[keep]

@@ -1,0 +1,134 @@
+"""What one source of body motion says about the signals of the wheels: their fingerprints.
+
+The fingerprint of a wheel is how much of each body motion its signal holds: a row of J for wheel
+speeds, and positive multiples of the columns of J for torques and voltages, because friction and
+inertia are positive.  It shows signs, order and units without any parameter of the robot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+HEARD = 0.01  # share of a signal that an axis alone must explain to be heard
+COLLINEAR = 4.0  # variance inflation beyond which axes move together
+RIDGE = 1e-3  # keeps speed and acceleration apart where one follows the other
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A signal of the wheels against the body motion by one source.
+
+    Attributes:
+        signal: (K, n) wheel speeds or drive input.
+        motion: (K, 3) body velocities.
+        share: median over wheels of the variance explained.
+        axes: (3,) axes heard one by one; none where they move together.
+        rows: (n, axes) fingerprint; None where axes move together.
+    """
+
+    signal: np.ndarray
+    motion: np.ndarray
+    share: float
+    axes: np.ndarray
+    rows: np.ndarray | None
+
+    def table(self, jacobian: np.ndarray, driven: bool) -> np.ndarray | None:
+        """(n, n) cosines between column i of the signal and wheel k; NaN where nothing is said.
+
+        Args:
+            jacobian: (n, 3) J, with flipped columns to try other signs of the axes.
+            driven: the signal is a torque or voltage, known up to a positive factor an axis.
+        """
+        if self.rows is not None:
+            return _cosines(self.rows, jacobian[:, self.axes])
+        if driven:  # how far each axis is braked is unknown, so is what the wheel should do
+            return None
+        expected = self.motion @ jacobian.T
+        size = np.std(expected, axis=0)
+        count = len(jacobian)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            table = np.corrcoef(self.signal.T, expected.T)[:count, count:]
+        table[:, size < 0.2 * size.max()] = np.nan
+        return table
+
+    def gains(self, jacobian: np.ndarray) -> np.ndarray:
+        """(n, 3) sizes of the signal over ``J motion``; NaN where nothing is said."""
+        gains = np.full(jacobian.shape, np.nan)
+        if self.rows is None:
+            expected = self.motion @ jacobian.T
+            power = np.mean(expected**2, axis=0)
+            clear = power > 0.04 * power.max()
+            gains[clear] = (np.mean(self.signal * expected, axis=0)[clear] / power[clear])[:, None]
+            return gains
+        clear = np.abs(jacobian) > 0.2 * np.abs(jacobian).max(axis=0)
+        gains[:, self.axes] = self.rows / np.where(clear, jacobian, np.nan)[:, self.axes]
+        return gains
+
+
+def hear(signal: np.ndarray, motion: np.ndarray, rates: np.ndarray | None = None) -> Evidence:
+    """Compare a signal of the wheels with a body motion.
+
+    Args:
+        signal: (K, n).
+        motion: (K, 3) body velocities.
+        rates: (K, 3) their derivatives, for torques and voltages.  Contributions of velocity and
+            acceleration are added, each times its rms.
+    """
+    full = _explained(signal, motion, rates, [0, 1, 2])
+    without = [_explained(signal, motion, rates, [k for k in range(3) if k != axis])
+               for axis in range(3)]  # fmt: skip
+    axes = np.array([np.max(full - less) > HEARD for less in without])
+    apart = _inflation(motion)[axes].max(initial=np.inf if not axes.any() else 1.0) < COLLINEAR
+    rows = _fingerprint(signal, motion, rates, np.flatnonzero(axes).tolist()) if apart else None
+    return Evidence(signal, motion, float(np.median(full)), axes, rows)
+
+
+def explained(signal: np.ndarray, regressors: np.ndarray) -> np.ndarray:
+    """(n,) fraction of the variance of each column that the regressors explain."""
+    return _regress(signal, regressors)[2]
+
+
+def _explained(signal, motion, rates, axes: list[int]) -> np.ndarray:
+    return explained(signal, _regressors(motion, rates, axes))
+
+
+def _regressors(motion, rates, axes: list[int]) -> np.ndarray:
+    return motion[:, axes] if rates is None else np.hstack([motion[:, axes], rates[:, axes]])
+
+
+def _inflation(motion: np.ndarray) -> np.ndarray:
+    """(3,) variance inflation factors: 1 where an axis moves independently of the others."""
+    scaled = (motion - motion.mean(axis=0)) / (np.std(motion, axis=0) + 1e-12)
+    correlation = scaled.T @ scaled / len(scaled)
+    return np.diag(np.linalg.inv(correlation + 1e-6 * np.eye(len(correlation))))
+
+
+def _fingerprint(signal, motion, rates, axes: list[int]) -> np.ndarray:
+    coefficients, scale, _ = _regress(signal, _regressors(motion, rates, axes))
+    if rates is None:
+        return (coefficients / scale[:, None]).T
+    return (coefficients[: len(axes)] + coefficients[len(axes) :]).T
+
+
+def _regress(signal: np.ndarray, regressors: np.ndarray):
+    """Coefficients of regressors scaled to unit rms, their rms, and the explained fractions."""
+    scale = np.std(regressors, axis=0) + 1e-12
+    scaled = (regressors - regressors.mean(axis=0)) / scale
+    centred = signal - signal.mean(axis=0)
+    gram = scaled.T @ scaled / len(scaled) + RIDGE * np.eye(scaled.shape[1])
+    coefficients = np.linalg.solve(gram, scaled.T @ centred / len(scaled))
+    left = np.var(centred - scaled @ coefficients, axis=0)
+    return coefficients, scale, 1 - left / (np.var(centred, axis=0) + 1e-300)
+
+
+def _cosines(found: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Cosines between rows; columns are scaled by their median size, so units do not count."""
+
+    def directions(rows: np.ndarray) -> np.ndarray:
+        typical, largest = np.median(np.abs(rows), axis=0), np.abs(rows).max(axis=0)
+        rows = rows / np.where(typical > 1e-3 * largest, typical, largest + 1e-300)
+        return rows / (np.linalg.norm(rows, axis=1, keepdims=True) + 1e-300)
+
+    return directions(found) @ directions(expected).T

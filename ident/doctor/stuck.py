@@ -1,0 +1,100 @@
+"""Sensors that stand still while the robot moves, and signals at their limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ident.doctor.record import Record, runs
+
+LONG = 0.3  # s without any change
+ACTIVE = 0.1  # share of its rms by which the others move meanwhile
+MOST_STUCK = 0.2  # fraction of a log that may be cut out
+SATURATED = 0.01  # fraction of samples at the limit that is told
+HELD = 0.5  # fraction of repeated values that is told
+JUMP = 0.005  # of the rms, between repeated values
+
+
+def check_stuck(record: Record) -> None:
+    """Cut out stretches in which one sensor stands still alone; refuse dead ones."""
+    cut = np.zeros(len(record.time), bool)
+    for channel in ("wheel_velocity", "wheel_torque"):
+        values = record.get(channel)
+        if values is None:
+            continue
+        rms = float(np.sqrt(np.mean(values**2, axis=0)).max())
+        for column in range(values.shape[1] if rms > 0 else 0):
+            stuck = _column(record, channel, column, rms)
+            if stuck.mean() > MOST_STUCK:
+                what = f"stands still or saturated in {stuck.mean():.0%} of the log"
+                record.refuse(what, record.name(channel, [column]), "repair the sensor")
+            cut |= stuck
+    if cut.any():
+        record.drop(cut, split=True)
+
+
+def _column(record: Record, channel: str, column: int, rms: float) -> np.ndarray:
+    """Examine one column; return the samples to cut out."""
+    values = record.channels[channel]
+    own, stuck = np.ascontiguousarray(values[:, column]), np.zeros(len(values), bool)
+    limits = {float(own.min()), float(own.max())}
+    if len(limits) == 1:
+        if np.any(np.ptp(values, axis=0) > 0):
+            what = f"always {own[0]:.6g} while the others change"
+            record.refuse(what, record.name(channel, [column]), "repair the sensor")
+        return stuck
+    same = np.concatenate([[False], own[1:] == own[:-1]])
+    if channel != "wheel_velocity":
+        _limits(record, channel, column, limits)
+    _held(record, channel, column, same)
+    others = [k for k in range(values.shape[1]) if k != column]
+    for begin, end in runs(same):
+        if end - begin < max(10, LONG / record.dt):
+            continue
+        alone = np.std(values[begin - 1 : end, others], axis=0).max() > ACTIVE * rms
+        # A command at its limit is no broken sensor; a speed that cannot rise is one.
+        if alone and (channel == "wheel_velocity" or float(own[begin]) not in limits):
+            stuck[begin - 1 : end] = True
+    if stuck.any():
+        begin, end = max(runs(stuck), key=lambda run: run[1] - run[0])
+        seconds = record.time[end - 1] - record.time[begin]
+        limit = "its limit " if float(own[begin]) in limits else ""
+        record.fixed(
+            f"stands at {limit}{own[begin]:.6g} for {seconds:.3g} s while the others change "
+            f"({len(runs(stuck))} such stretches)",
+            record.place(begin, channel, column),
+            "cut out; the log is split there",
+        )
+    return stuck
+
+
+def _limits(record: Record, channel: str, column: int, limits: set[float]) -> None:
+    """Tell when a signal spends its time exactly at its largest or smallest value."""
+    own = record.channels[channel][:, column]
+    for limit in sorted(limits):
+        there = own == limit
+        if limit == 0 or there.mean() < SATURATED or max(e - b for b, e in runs(there)) < 3:
+            continue
+        record.warn(
+            f"{there.mean():.1%} of the samples are exactly {limit:.6g}: saturated",
+            record.name(channel, [column]),
+            "drive more gently, or widen the range of the sensor",
+        )
+
+
+def _held(record: Record, channel: str, column: int, same: np.ndarray) -> None:
+    """Tell when most values repeat the one before: the sensor is slower than the log."""
+    if same.mean() < HELD / 2:
+        return
+    own = record.channels[channel][:, column]
+    rms = np.sqrt(np.mean(own**2))
+    moving = np.abs(own) > 0.2 * rms
+    jumps = np.abs(np.diff(own, prepend=own[0]))[moving & ~same]
+    repeated = float(np.mean(same[moving])) if moving.any() else 0.0
+    # A steady motion without noise repeats values too, but it does not jump in between.
+    if repeated > HELD and len(jumps) and np.median(jumps) > JUMP * rms:
+        record.warn(
+            f"{repeated:.0%} of the values repeat the one before: the sensor is slower than the "
+            "log",
+            record.name(channel, [column]),
+            f"log it at its own rate, about {(1 - repeated) / record.dt:.3g} Hz",
+        )

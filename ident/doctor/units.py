@@ -1,0 +1,223 @@
+"""Units of wheel speeds and body motions, found by comparing their sizes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ident.doctor.evidence import hear
+from ident.doctor.record import Record
+from ident.doctor.smoothing import BODY_SOURCES, smooth
+
+MATCH = 0.08  # relative distance from the factor of a unit
+CLEAR = 0.8  # share of the wheel speeds a source must explain; noise makes it look larger
+NEAR = {"body_velocity": 1.35, "pose": 1.35, "reference": 1.6}  # gains that are no unit error
+WHEEL_REFUSED, WHEEL_TOLD = 1.5, 1.15  # one wheel against the others
+COMMON = {"measured": 1.5, "reference": 2.5}  # all wheels against others that say less or more
+SINGLE_UNITS = ("rpm", "deg/s")  # what one wheel alone may be in
+FASTEST = 2.0  # m/s at the rim of a wheel
+FASTEST_BODY = np.array([8.0, 8.0, 20.0])  # m/s, m/s, rad/s
+BODY_UNITS = {"mm": 1e3, "cm": 1e2}
+DEGREES = 180 / np.pi
+
+
+def wheel_units(record: Record) -> dict[str, float]:
+    """Values per rad/s of the units in which wheel speeds are found."""
+    radius, gear = record.platform.wheel_radius, record.gear or 9405 / 364
+    return {
+        "rpm": 30 / np.pi,
+        "deg/s": 180 / np.pi,
+        "turns/s": 0.5 / np.pi,
+        "m/s at the rim": radius,
+        "mm/s at the rim": 1e3 * radius,
+        "rad/s of the motor": gear,
+        "rpm of the motor": gear * 30 / np.pi,
+        "encoder ticks/s (4000 a motor turn)": gear * 4000 / (2 * np.pi),
+    }
+
+
+def check_angle(record: Record) -> None:
+    """Bring a yaw in degrees to rad; it is needed to turn the pose into body velocities."""
+    pose = record.get("pose")
+    if pose is None:
+        return
+    degrees = np.unwrap(pose[:, 2], period=360.0)
+    jumps = np.abs(np.diff(pose[:, 2]))
+    signals = smooth(record)
+    others = [signals.signals[s][:, 2] for s in ("body_velocity", "reference")
+              if s in signals.signals]  # fmt: skip
+    if "wheel_velocity" in signals.signals:
+        inverse = np.linalg.pinv(record.platform.jacobian_array)
+        others.append((signals.signals["wheel_velocity"] @ inverse.T)[:, 2])
+    turning = np.gradient(degrees, record.time)[signals.rows]
+    found = bool(np.any((jumps > 300) & (jumps < 361)))
+    for other in others:
+        power = float(other @ other)
+        gain = abs(float(turning @ other)) / power if power else 0.0
+        found |= abs(gain / DEGREES - 1) < 0.25
+    angle = np.deg2rad(degrees) if found else np.unwrap(pose[:, 2])
+    record.set("pose", np.column_stack([pose[:, :2], angle]))
+    if found:
+        record.fixed("yaw is in degrees", record.name("pose", [2]), "turned into rad")
+
+
+def check_units(record: Record) -> None:
+    """Compare the sizes of wheel speeds and body motions; fix known units, refuse others."""
+    if len(smooth(record).rows) < 20:
+        return
+    _plausible_body(record)
+    if "wheel_velocity" not in record.channels:
+        _bodies(record)
+        return
+    gains = _gains(record)
+    if not gains:
+        _plausible_wheels(record)
+        return
+    for source, gain in gains.items():
+        _body_unit(record, source, 1 / _median(gain, axis=0))
+    _wheels(record, _gains(record))
+    for source, gain in _gains(record).items():
+        _compare(record, source, 1 / _median(gain, axis=0), "the wheels")
+
+
+def _gains(record: Record) -> dict[str, np.ndarray]:
+    """(n, 3) sizes of wheel speeds over what each source says; NaN where it says nothing."""
+    gains, signals = {}, smooth(record)
+    for source in BODY_SOURCES:
+        if source in signals.signals:
+            evidence = hear(signals.signals["wheel_velocity"], signals.signals[source])
+            if evidence.share > CLEAR:
+                gains[source] = evidence.gains(record.platform.jacobian_array)
+    return gains
+
+
+def _unit(size: float, units: dict[str, float]) -> str:
+    """The unit whose factor a size matches, or ""."""
+    near = {unit: abs(size / factor - 1) for unit, factor in units.items()}
+    best = min(near, key=near.get)
+    return best if near[best] < MATCH else ""
+
+
+def _wheels(record: Record, gains: dict[str, np.ndarray]) -> None:
+    """Find wheel speeds in other units, and wheels that turn unlike the others."""
+    units = wheel_units(record)
+    each = {source: _median(gain, axis=1) for source, gain in gains.items()}
+    # The source nearest to the wheels is believed; what is wrong with the wheels, all show.
+    sizes = min(each.values(), key=lambda size: np.nansum(np.abs(np.log(np.abs(size)))))
+    typical, where = float(np.nanmedian(sizes)), record.name("wheel_velocity")
+    common = _unit(typical, units)
+    if common and all(_unit(float(np.nanmedian(size)), units) == common for size in each.values()):
+        record.set("wheel_velocity", record.channels["wheel_velocity"] / units[common])
+        record.fixed(f"{typical:.4g} times too large: {common}", where, "turned into rad/s")
+        sizes, typical = sizes / units[common], typical / units[common]
+    limit = COMMON["reference" if set(each) == {"reference"} else "measured"]
+    if not 1 / limit < typical < limit:
+        record.refuse(
+            f"wheel speeds are {typical:.3g} times as large as {' and '.join(each)} say",
+            where,
+            "check units, wheel radius and time; give a unit in brackets, NAME [rpm]",
+        )
+        return
+    for wheel in np.flatnonzero(~np.isnan(sizes)):
+        _wheel(record, int(wheel), float(sizes[wheel] / typical), units)
+
+
+def _wheel(record: Record, wheel: int, relative: float, units: dict[str, float]) -> None:
+    """Compare one wheel with the others."""
+    if 1 / WHEEL_TOLD < relative < WHEEL_TOLD:
+        return
+    column = record.name("wheel_velocity", [wheel])
+    what = f"this wheel turns {relative:.3g} times as fast as the others say"
+    unit = _unit(relative, {unit: units[unit] for unit in SINGLE_UNITS})
+    if unit:
+        values = record.channels["wheel_velocity"].copy()
+        values[:, wheel] /= units[unit]
+        record.set("wheel_velocity", values)
+        record.fixed(f"{what}: {unit}", column, "turned into rad/s")
+    elif 1 / WHEEL_REFUSED < relative < WHEEL_REFUSED:
+        record.warn(what, column, "check its radius and encoder")
+    else:
+        remedy = "check its unit and encoder; give the unit in brackets, NAME [rpm]"
+        record.refuse(what, column, remedy)
+
+
+def _bodies(record: Record) -> None:
+    """Without wheel speeds: compare the pose with the measured body velocity."""
+    signals = smooth(record).signals
+    if not {"pose", "body_velocity"} <= set(signals):
+        return
+    evidence = hear(signals["body_velocity"], signals["pose"])
+    if evidence.share < CLEAR:
+        return
+    axes = 1 / _median(evidence.gains(np.eye(3)), axis=0)
+    _body_unit(record, "pose", axes)
+    _body_unit(record, "body_velocity", 1 / axes)
+
+
+def _median(gain: np.ndarray, axis: int) -> np.ndarray:
+    """Medians of the numbers there are."""
+    masked = np.ma.masked_invalid(gain)
+    return np.ma.median(masked, axis=axis).filled(np.nan)
+
+
+def _body_unit(record: Record, source: str, axes: np.ndarray) -> None:
+    """Bring a body motion in mm, cm or degrees to SI.
+
+    Args:
+        record: the log.
+        source: the channel.
+        axes: (3,) its size over what the others say; NaN where unknown.
+    """
+    factors, told = np.ones(3), []
+    lengths = axes[:2][~np.isnan(axes[:2])]
+    unit = _unit(float(np.mean(lengths)), BODY_UNITS) if len(lengths) else ""
+    if unit:
+        factors[:2] = BODY_UNITS[unit]
+        told.append(unit)
+    if source != "pose" and _unit(float(axes[2]), {"deg": DEGREES}):  # yaw was checked before
+        factors[2] = DEGREES
+        told.append("deg")
+    if told:
+        record.set(source, record.channels[source] / factors)
+        what = f"{source} is in {' and '.join(told)}"
+        record.fixed(what, record.name(source), "turned into SI units")
+
+
+def _compare(record: Record, source: str, axes: np.ndarray, witness: str) -> None:
+    """Tell about a body motion whose size contradicts the wheels."""
+    near = NEAR[source]
+    wrong = [k for k in range(3) if not (np.isnan(axes[k]) or 1 / near < axes[k] < near)]
+    if not wrong:
+        return
+    tell = record.refuse if source == "body_velocity" else record.warn
+    tell(
+        f"{source} is {', '.join(f'{axes[k]:.3g}' for k in wrong)} times as large as {witness} say",
+        record.name(source, wrong),
+        "check units of these columns and of the wheel speeds, wheel radius and time; give a unit "
+        "in brackets, NAME [mm]",
+    )
+
+
+def _plausible_body(record: Record) -> None:
+    """Refuse body velocities that no such platform reaches."""
+    measured = record.get("body_velocity")
+    if measured is None or "wheel_velocity" in record.channels or "pose" in record.channels:
+        return
+    fastest = np.percentile(np.abs(measured), 99, axis=0)
+    for axis in np.flatnonzero(fastest > FASTEST_BODY):
+        record.refuse(
+            f"values up to {fastest[axis]:.4g} cannot be m/s and rad/s",
+            record.name("body_velocity", [axis]),
+            "these are mm/s or deg/s: give the unit in brackets, NAME [mm/s]",
+        )
+
+
+def _plausible_wheels(record: Record) -> None:
+    """Without any witness: refuse wheel speeds that no such platform reaches."""
+    fastest = float(np.percentile(np.abs(record.channels["wheel_velocity"]), 99))
+    if fastest * record.platform.wheel_radius > FASTEST:
+        record.refuse(
+            f"wheels turn up to {fastest:.4g} rad/s, {fastest * record.platform.wheel_radius:.3g} "
+            "m/s at the rim",
+            record.name("wheel_velocity"),
+            "these are rpm, deg/s or ticks/s: give the unit in brackets, NAME [rpm]",
+        )
