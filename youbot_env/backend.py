@@ -20,6 +20,7 @@ class Ops(Protocol):
     cos: Any
     sin: Any
     cos_sin: Any
+    coarse: Any
     tan: Any
     tanh: Any
     exp: Any
@@ -46,6 +47,7 @@ def _cos_sin_array(angle) -> tuple:
 
 FLOAT: Ops = SimpleNamespace(
     name="float",
+    coarse=lambda a: a,
     cos_sin=lambda angle: (math.cos(angle), math.sin(angle)),
     cos=math.cos,
     sin=math.sin,
@@ -63,6 +65,7 @@ FLOAT: Ops = SimpleNamespace(
 
 NUMPY: Ops = SimpleNamespace(
     name="numpy",
+    coarse=lambda a: a,
     cos_sin=_cos_sin_array,
     cos=np.cos,
     sin=np.sin,
@@ -78,6 +81,11 @@ NUMPY: Ops = SimpleNamespace(
     floor=np.floor,
 )
 
+# Slopes in single precision, for large batches; the state they are added to stays double.
+NUMPY_FAST: Ops = SimpleNamespace(
+    **{**vars(NUMPY), "name": "numpy fast", "coarse": lambda a: a.astype(np.float32)}
+)
+
 
 def casadi_ops() -> Ops:
     """Elementary functions on CasADi symbols (CasADi is imported here and not before)."""
@@ -85,6 +93,7 @@ def casadi_ops() -> Ops:
 
     return SimpleNamespace(
         name="casadi",
+        coarse=lambda a: a,
         cos_sin=lambda angle: (ca.cos(angle), ca.sin(angle)),
         cos=ca.cos,
         sin=ca.sin,
@@ -105,9 +114,10 @@ def jax_ops() -> Ops:
     """Elementary functions on JAX arrays (JAX is imported here and not before)."""
     import jax.numpy as jnp
 
-    names = [name for name in vars(NUMPY) if name not in ("name", "cos_sin")]
+    names = [name for name in vars(NUMPY) if name not in ("name", "cos_sin", "coarse")]
     return SimpleNamespace(
         name="jax",
+        coarse=lambda a: a,
         cos_sin=lambda angle: (jnp.cos(angle), jnp.sin(angle)),
         **{name: getattr(jnp, name) for name in names},
     )

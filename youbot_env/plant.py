@@ -217,17 +217,20 @@ def pose_rate(v: tuple, yaw, ops: Ops) -> tuple:
 def rk4_step(robot: Robot, state: State, command: tuple, h, t, ops: Ops) -> State:
     """One Runge-Kutta step of length h with the command held.
 
+    Slopes are evaluated at ``ops.coarse`` of the state and added to the state itself, so a batch may
+    use single precision for the slopes without its rounding piling up in the state.
     Effects' own states move by their exact held-input solution (``Effect.evolve``), so a lag
     faster than the step neither blows up nor needs a stiff solver.
     """
     size = len(state.wheel_angle)
-    start = (*state.pose, *state.velocity, *state.wheel_angle)
+    begin = (*state.pose, *state.velocity, *state.wheel_angle)
+    start = tuple([ops.coarse(q) for q in begin])
     # Where nobody reads position or wheel angles their values between start and end are not needed.
     moving = (robot.reads_pose,) * 2 + (True,) * 4 + (robot.reads_wheel_angle,) * size
     fixed = robot.geometry.wrench(command) if robot.simple else None
     origin = None
     if not robot.simple:
-        origin = robot.signals(t, state.velocity, state.pose, state.wheel_angle, command, ops)
+        origin = robot.signals(t, start[3:6], start[:3], start[6:], command, ops)
 
     def rates(flat: tuple, elapsed) -> tuple[tuple, tuple]:
         v = flat[3:6]
@@ -250,7 +253,7 @@ def rk4_step(robot: Robot, state: State, command: tuple, h, t, ops: Ops) -> Stat
     k2, _ = rates(shifted(half, k1), half)
     k3, _ = rates(shifted(half, k2), half)
     k4, internal = rates(shifted(h, k3), h)
-    slopes, sixth = zip(start, k1, k2, k3, k4, strict=True), h / 6
+    slopes, sixth = zip(begin, k1, k2, k3, k4, strict=True), h / 6
     end = tuple([q + sixth * (a + 2 * (b + c) + d) for q, a, b, c, d in slopes])
     return State(end[:3], end[3:6], end[6:], internal)
 

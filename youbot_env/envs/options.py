@@ -59,11 +59,15 @@ class EpisodeOptions:
             )
         return cls(**options)
 
-    def draw_offset(self, rng: np.random.Generator) -> np.ndarray:
-        """Return the start offset (ahead, left, yaw): the given one, or a random one."""
+    def offset_from(self, uniform: np.ndarray) -> np.ndarray:
+        """Return start offsets (..., 3) (ahead, left, yaw): the given one, or random ones.
+
+        ``uniform`` (..., 3) are drawn in [0, 1) whether they are needed or not, so that an option
+        does not change what is drawn after it.
+        """
         if self.offset is not None:
-            return np.array(self.offset)
-        return OFFSET * (2.0 * rng.random(3) - 1.0)
+            return np.broadcast_to(self.offset, uniform.shape)
+        return OFFSET * (2.0 * uniform - 1.0)
 
     def start(self, first: Motion, offset: tuple, ops: Ops) -> tuple[tuple, tuple]:
         """Return start pose and body velocity for a reference that begins with ``first``."""

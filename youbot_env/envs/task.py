@@ -90,9 +90,9 @@ class TrackingTask:
 
         ``heading`` is (cos yaw, sin yaw); the yaw error is wrapped into [-pi, pi).
         """
-        turn = wanted[2] - pose[2]
-        turn = turn - (2 * math.pi) * ops.floor(turn * (0.5 / math.pi) + 0.5)
-        return rotate_to_body((wanted[0] - pose[0], wanted[1] - pose[1], turn), heading)
+        gap = tuple(ops.coarse(w - p) for w, p in zip(wanted, pose, strict=True))
+        turns = ops.floor(gap[2] * (0.5 / math.pi) + 0.5)
+        return rotate_to_body((gap[0], gap[1], gap[2] - (2 * math.pi) * turns), heading)
 
     def observe(self, error: tuple, velocity: tuple, heading: tuple, twists) -> list:
         """Return the observation, see ``TrackingEnv``; ``twists`` are now and the previews."""

@@ -19,6 +19,9 @@ from youbot_env.model_file import load_model
 from youbot_env.references import Reference, make_reference
 from youbot_env.simulation import AnalyticPlant, Sensors, WheelLoop
 
+# How much of the reference path is drawn, s.
+DRAWN_SECONDS = 60.0
+
 
 class TrackingEnv(gym.Env):
     """The base of a KUKA youBot follows a moving reference pose.
@@ -148,11 +151,13 @@ class TrackingEnv(gym.Env):
         reference = chosen.reference or self.reference
         if self._look is None or reference is not self._followed:
             self._look, self._followed = Look(self.task, reference), reference
-        self._look.values[:] = reference.draw(rng)
+        constant = reference.constant
+        self._look.values[:] = reference.draw(rng) if constant is None else constant
         first = reference.evaluate(self._look.values.tolist(), 0.0, FLOAT)
-        pose, velocity = chosen.start(first, chosen.draw_offset(rng).tolist(), FLOAT)
+        offset = chosen.offset_from(rng.random(3)).tolist()
+        pose, velocity = chosen.start(first, offset, FLOAT)
         self._plant.reset(pose, velocity)
-        self._steps, self._end, self._trail = 0, reference.duration, []
+        self._steps, self._end, self._trail, self._path = 0, reference.duration, [], None
         self._noise = noise_block(self._noise_scale, rng) if self.sensors else None
         self._integral = self._torque = (0.0,) * len(self.task.platform.wheels)
         observation, _, _ = self._see(0.0)
@@ -230,9 +235,11 @@ class TrackingEnv(gym.Env):
             self._view = TopView(self.task.platform, self.render_mode, self.metadata["render_fps"])
         pose, t = self._plant.pose, self._steps * self.task.dt
         self._trail.append(pose[:2])
-        times = np.arange(max(0.0, t - 10.0), t + 3.0, 0.05)
-        ahead = self._followed.evaluate(self._look.values.tolist(), times, NUMPY).pose[:2]
-        path = np.stack(np.broadcast_arrays(*ahead, times)[:2], axis=1)
+        if self._path is None:
+            times = np.arange(0.0, min(self._end, DRAWN_SECONDS), 0.05)
+            values = self._look.values.tolist()
+            ahead = self._followed.evaluate(values, times, NUMPY).pose[:2]
+            self._path = np.stack(np.broadcast_arrays(*ahead, times)[:2], axis=1)
         wanted = self._look.wanted
         heading = (math.cos(pose[2]), math.sin(pose[2]))
         error = self.task.error(tuple(pose.tolist()), heading, tuple(wanted.tolist()), FLOAT)
@@ -241,7 +248,7 @@ class TrackingEnv(gym.Env):
             f"heading error {math.degrees(error[2]):+5.1f} deg"
         )
         return self._view.draw(
-            pose, wanted.copy(), np.array(self._trail), path,
+            pose, wanted.copy(), np.array(self._trail), self._path,
             np.array(self._torque), self.task.torque_limit, caption,
         )  # fmt: skip
 

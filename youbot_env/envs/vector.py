@@ -10,15 +10,16 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from youbot_env.backend import NUMPY
+from youbot_env.backend import NUMPY, NUMPY_FAST
 from youbot_env.envs.noise import BLOCK, noise_block, noise_scale
 from youbot_env.envs.options import EpisodeOptions
 from youbot_env.envs.randomization import Randomization
+from youbot_env.envs.schedule import make_schedule
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
-from youbot_env.plant import Structure, advance
-from youbot_env.references import Motion, Reference, make_reference
+from youbot_env.plant import State, Structure, advance
+from youbot_env.references import Reference, make_reference
 from youbot_env.simulation import Sensors, WheelLoop, choose_substeps
 from youbot_env.simulation.analytic import history_length
 
@@ -82,7 +83,8 @@ class TrackingVectorEnv(VectorEnv):
         self._structure = Structure.of(self.model)
         self._substeps = choose_substeps(self.model, dt)
         self._generators: list[np.random.Generator] = []
-        self._values: np.ndarray | None = None
+        self._schedule = make_schedule(self.reference, self.task, num_envs, max_episode_steps)
+        self._state: State | None = None
 
     # Resetting
 
@@ -103,13 +105,13 @@ class TrackingVectorEnv(VectorEnv):
                 )
             rows = np.flatnonzero(mask)
         self._seed(seed)
-        if self._values is None:
+        if self._state is None:
             if mask is not None and len(rows) < self.num_envs:
                 raise gym.error.ResetNeeded("call reset() without a mask first")
             self._allocate()
         self._begin(rows, chosen)
-        info = self._info() | self._revealed(rows)
-        return self._observation(self._error()), info
+        observation = self._observation(self._error())
+        return observation, self._info() | self._revealed(rows)
 
     def _seed(self, seed) -> None:
         if isinstance(seed, int | np.integer):
@@ -128,11 +130,6 @@ class TrackingVectorEnv(VectorEnv):
         n, wheels = self.num_envs, len(self.task.platform.wheels)
         flat = self._structure.flatten(self._structure.rest())
         self._state = self._structure.unflatten(np.zeros(n) for _ in flat)
-        self._values = np.zeros((self.reference.size, n))
-        # Reference poses and twists from now to the last preview, rings over time.
-        size = self.task.preview_length + 1
-        self._wanted, self._head = np.zeros((size, 3, n)), 0
-        self._twists = np.zeros((size, 3, n), np.float32)
         self._steps, self._done = np.zeros(n, int), np.zeros(n, bool)
         self._noise, self._drawn = np.zeros((BLOCK, 6, n)), np.zeros(n, int)
         self._integral = tuple(np.zeros(n) for _ in range(wheels))
@@ -152,27 +149,23 @@ class TrackingVectorEnv(VectorEnv):
 
     def _bind(self) -> None:
         self._robot = self._structure.bind(
-            self._robot_values if self.randomization else self._robot_values.tolist()
+            self._robot_values.astype(np.float32)
+            if self.randomization
+            else self._robot_values.tolist()
         )
 
     def _begin(self, rows: np.ndarray, chosen: EpisodeOptions) -> None:
-        task, drawn, offsets = self.task, [], []
-        for i in rows:
-            rng = self._generators[i]
-            if self.randomization is not None:
+        generators = [self._generators[i] for i in rows.tolist()]
+        if self.randomization is not None:
+            for i, rng in zip(rows, generators, strict=True):
                 self._robot_values[:, i] = self.randomization.draw(self.model, rng).values()
-            drawn.append(self.reference.draw(rng))
-            offsets.append(chosen.draw_offset(rng))
-            if self.sensors is not None:
+            self._bind()
+        first = self._schedule.begin(rows, generators)
+        uniform = np.array([rng.random(3) for rng in generators])
+        if self.sensors is not None:
+            for i, rng in zip(rows, generators, strict=True):
                 self._noise[:, :, i] = noise_block(self._noise_scale, rng)
-        values = np.array(drawn).T
-        self._share(values, rows)
-        values = list(values)
-        times = np.arange(len(self._wanted))[:, None] * task.dt
-        motion = self.reference.evaluate(values, times, NUMPY)
-        twist = motion.twist(NUMPY)
-        first = Motion(*(tuple(c[0] for c in part) for part in motion))
-        pose, velocity = chosen.start(first, tuple(np.array(offsets).T), NUMPY)
+        pose, velocity = chosen.start(first, tuple(chosen.offset_from(uniform).T), NUMPY)
         start = self._structure.rest(pose, velocity)
         for component, value in zip(
             self._structure.flatten(self._state), self._structure.flatten(start), strict=True
@@ -182,25 +175,6 @@ class TrackingVectorEnv(VectorEnv):
             for component in command:
                 component[rows] = 0.0
         self._steps[rows], self._done[rows], self._drawn[rows] = 0, False, 0
-        place = (((self._head + np.arange(len(times))) % len(times))[:, None], slice(None), rows)
-        shape = (len(times), len(rows))
-        parts = ((self._wanted, motion.pose), (self._twists, twist))
-        for ring, components in parts:
-            ring[place] = np.stack([np.broadcast_to(c, shape) for c in components], axis=-1)
-        if self.randomization is not None:
-            self._bind()
-
-    def _share(self, values: np.ndarray, rows: np.ndarray) -> None:
-        """Store reference values; one that all copies share is kept as a number, which is faster."""
-        if len(rows) == self.num_envs:
-            self._shared = (values == values[:, :1]).all(axis=1)
-        else:
-            self._shared &= (values == self._values[:, :1]).all(axis=1)
-        self._values[:, rows] = values
-        self._components = [
-            float(row[0]) if same else row
-            for row, same in zip(self._values, self._shared, strict=True)
-        ]
 
     def _revealed(self, rows: np.ndarray) -> dict[str, Any]:
         """Part of the information at a reset: the true robots, where the user asked for them."""
@@ -218,7 +192,7 @@ class TrackingVectorEnv(VectorEnv):
 
     def step(self, actions):
         """Apply actions (num_envs, n) for ``dt``."""
-        if self._values is None:
+        if self._state is None:
             raise gym.error.ResetNeeded("call reset() before step()")
         action, task = self._check(actions), self.task
         mode, again = self.metadata["autoreset_mode"], np.flatnonzero(self._done)
@@ -230,16 +204,11 @@ class TrackingVectorEnv(VectorEnv):
         self._commands = [torque, *self._commands[:-1]]
         t = self._time()
         self._state = advance(
-            self._robot, self._state, tuple(self._commands), task.dt, self._substeps, t, NUMPY
+            self._robot, self._state, tuple(self._commands), task.dt, self._substeps, t, NUMPY_FAST
         )
         self._steps += 1
         t = self._time()
-        ahead = t + task.preview_length * task.dt
-        motion = self.reference.evaluate(self._components, ahead, NUMPY)
-        head = self._head
-        for axis, (place, twist) in enumerate(zip(motion.pose, motion.twist(NUMPY), strict=True)):
-            self._wanted[head, axis], self._twists[head, axis] = place, twist
-        self._head = (head + 1) % len(self._wanted)
+        self._schedule.advance()
         renewed = mode is AutoresetMode.NEXT_STEP and again.size > 0
         if renewed:
             self._begin(again, EpisodeOptions())
@@ -277,7 +246,9 @@ class TrackingVectorEnv(VectorEnv):
                 f"actions have shape {array.shape}; this environment takes "
                 f"{self.action_space.shape}"
             )
-        array = np.ascontiguousarray(array.T, dtype=float)
+        # Slopes are evaluated in single precision; the wheel loops (integrals) are not.
+        precision = np.float32 if self.task.action_level == "torque" else float
+        array = np.array(array.T, dtype=precision, order="C")
         # A NaN or an infinity anywhere makes the sum so; looking for the place can then be slow.
         if not np.isfinite(array.sum()):
             wheel, copy = np.argwhere(~np.isfinite(array))[0]
@@ -310,23 +281,21 @@ class TrackingVectorEnv(VectorEnv):
 
     def _error(self) -> tuple:
         """Pose error, with the heading that observing needs again."""
-        self._heading = NUMPY.cos_sin(self._state.pose[2])
-        wanted = tuple(self._wanted[self._head])
-        return self.task.error(self._state.pose, self._heading, wanted, NUMPY)
+        self._heading = NUMPY.cos_sin(self._state.pose[2].astype(np.float32))
+        self._wanted = self._schedule.pose()
+        return self.task.error(self._state.pose, self._heading, self._wanted, NUMPY_FAST)
 
     def _observation(self, error: tuple, rows: np.ndarray | None = None) -> np.ndarray:
-        size, stride = len(self._wanted), self.task.preview_stride
         velocity = self._state.velocity
         if self.sensors is not None:
             noise = self._next_noise(rows)
             error = tuple(e + k for e, k in zip(error, noise[:3], strict=True))
             velocity = tuple(v + k for v, k in zip(velocity, noise[3:], strict=True))
-        twists = self._twists[(self._head + np.arange(0, size, stride)) % size]
         flat = self.task.observe(error, velocity, self._heading, ())
         block = np.empty((len(self._high), self.num_envs), np.float32)
         for row, component in enumerate(flat):
             block[row] = component
-        block[8:] = twists.reshape(-1, self.num_envs)
+        block[8:] = self._schedule.twists()
         np.clip(block, -self._high, self._high, out=block)
         return block.T if rows is None else block[:, rows].T
 
@@ -346,7 +315,7 @@ class TrackingVectorEnv(VectorEnv):
         info = {
             "time": self._time(),
             "pose": np.array(self._state.pose).T,
-            "reference_pose": self._wanted[self._head].T.copy(),
+            "reference_pose": np.array(self._wanted).T,
             "torque": np.array(self._commands[0]).T,
         }
         return info | {f"_{name}": every for name in info}

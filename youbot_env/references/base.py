@@ -85,6 +85,12 @@ class Reference:
         raise NotImplementedError
 
     @cached_property
+    def constant(self) -> np.ndarray | None:
+        """The values (P,) where every episode has the same ones, else None."""
+        first, second = (self.draw(np.random.default_rng(seed)) for seed in (0, 1))
+        return first if np.array_equal(first, second) else None
+
+    @cached_property
     def size(self) -> int:
         """P, the number of values of one episode."""
         return len(self.draw(np.random.default_rng(0)))
