@@ -336,17 +336,27 @@ def test_closed_window_stays_closed(window):
     assert not pygame.display.get_init()
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a display is always there")
-@pytest.mark.parametrize("driver", ["x11", None])
-def test_no_display_names_the_remedy(monkeypatch, driver):
+@pytest.fixture
+def no_display(monkeypatch):
     pygame.quit()
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)
-    if driver:
-        monkeypatch.setenv("SDL_VIDEODRIVER", driver)
+    yield monkeypatch
+    pygame.quit()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a display is always there")
+def test_a_driver_without_display_names_the_remedy(no_display):
+    no_display.setenv("SDL_VIDEODRIVER", "x11")
     with pytest.raises(gym.error.Error, match="rgb_array"):
         show(TopView(youbot(), "human", 25.0))
-    pygame.quit()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a display is always there")
+def test_without_display_a_window_is_drawn_off_screen_and_logged(no_display, caplog):
+    caplog.set_level("INFO")
+    assert show(TopView(youbot(), "human", 25.0)) is None
+    assert "off screen" in caplog.text
 
 
 @pytest.mark.parametrize("again", [False, True])

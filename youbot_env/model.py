@@ -84,7 +84,7 @@ class Model:
         return (*self.parameters.theta(self.platform), *flat)
 
     def with_values(self, values, name: str | None = None) -> Model:
-        """Return a copy with other values, given in the order of ``names()``; nothing is checked."""
+        """Return a copy with other values in the order of ``names()``; nothing is checked."""
         values, at, effects = [float(v) for v in values], 7, []
         for active in self.effects:
             size = len(active.values)

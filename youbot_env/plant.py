@@ -217,8 +217,9 @@ def pose_rate(v: tuple, yaw, ops: Ops) -> tuple:
 def rk4_step(robot: Robot, state: State, command: tuple, h, t, ops: Ops) -> State:
     """One Runge-Kutta step of length h with the command held.
 
-    Slopes are evaluated at ``ops.coarse`` of the state and added to the state itself, so a batch may
-    use single precision for the slopes without its rounding piling up in the state.
+    Slopes are evaluated at ``ops.coarse`` of the state and added to the state itself, so a batch
+    may use single precision for the slopes without its rounding piling up in the state.
+
     Effects' own states move by their exact held-input solution (``Effect.evolve``), so a lag
     faster than the step neither blows up nor needs a stiff solver.
     """

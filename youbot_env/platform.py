@@ -112,8 +112,8 @@ class Platform:
         for wheel in self.wheels:
             if abs(wheel.roller_angle) >= math.radians(85):
                 raise ValueError(
-                    f"wheel {wheel.name!r}: roller_angle = {wheel.roller_angle} rad must stay below "
-                    "85 degrees; it is 45 degrees on a mecanum wheel and 0 on an omni wheel"
+                    f"wheel {wheel.name!r}: roller_angle = {wheel.roller_angle} rad must stay "
+                    "below 85 degrees; it is 45 degrees on a mecanum wheel and 0 on an omni wheel"
                 )
         xx, xy, xo, yy, yo, oo = self.geometry.wheel_metric
         det = xx * (yy * oo - yo * yo) - xy * (xy * oo - yo * xo) + xo * (xy * yo - yy * xo)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 from types import ModuleType
@@ -17,6 +18,7 @@ from youbot_env.envs.scene import FLOOR, Scene
 from youbot_env.platform import Platform
 
 MODES = ("rgb_array", "human")
+LOGGER = logging.getLogger(__name__)
 
 
 class TopView:
@@ -135,10 +137,10 @@ class TopView:
         display = self._pygame.display
         try:
             display.init()
-            # Without a display SDL takes a driver that shows nothing, and tells nobody.
-            if display.get_driver() == "offscreen" and "SDL_VIDEODRIVER" not in os.environ:
-                display.quit()
-                raise self._pygame.error("SDL would draw off screen")
+            # Without a display SDL draws off screen, as for Gymnasium's own environments: a run
+            # that asked for a window on a server goes on, and the log says why there is none.
+            if display.get_driver() == "offscreen":
+                LOGGER.info("no display was found; render mode 'human' draws off screen")
             window = display.set_mode(self._frame.get_size())
         except self._pygame.error as error:
             raise Error(

@@ -9,7 +9,7 @@ import numpy as np
 from youbot_env.backend import FLOAT
 from youbot_env.compiled import Stepper
 from youbot_env.model import Model
-from youbot_env.plant import Robot, Structure
+from youbot_env.plant import Structure
 
 # A Runge-Kutta step may be this fraction of the fastest time constant.  At 0.5 the fourth-order
 # error of one step stays below 1e-6 of the change within it.
