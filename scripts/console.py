@@ -1,0 +1,236 @@
+"""What all scripts share: exit statuses, clear errors, tables, progress, JSON and provenance.
+
+Exit status 0: done.  1: a check failed.  2: bad input, told in one message on stderr.  With
+``YOUBOT_DEBUG=1`` in the environment an error shows its traceback.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from youbot_env.effects import get_effect
+from youbot_env.model_file import write_atomically
+
+ROOT = Path(__file__).resolve().parent.parent
+VERSIONED = ("numpy", "scipy", "casadi", "gymnasium", "mujoco", "torch", "stable_baselines3")
+# What bad input raises; ModelFileError, LogError and ImpossibleParameters are ValueErrors.
+BAD_INPUT = (ValueError, OSError, FloatingPointError, ImportError)
+
+Json = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Write the results for programs.")
+]
+Seed = Annotated[int, typer.Option(min=0, help="Of everything random; equal seeds, equal results.")]
+Effects = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--effect",
+        metavar="NAME[.PARAMETER][=VALUE]",
+        help="Add a physical effect of docs/effects.md, of typical size where no value is given; "
+        "may be repeated.",
+    ),
+]
+
+out = Console(highlight=False, markup=False, emoji=False)
+err = Console(stderr=True, highlight=False, markup=False, emoji=False)
+
+
+class CheckFailed(Exception):
+    """A check of the command said no; the message is shown and the exit status is 1."""
+
+
+def run(command: Callable[..., None], example: str) -> None:
+    """Run a function with typer annotations as the command line, and exit with its status.
+
+    Args:
+        command: the function; its docstring is the help.
+        example: options of one use that does something, shown in the help.
+    """
+
+    @functools.wraps(command)
+    def guarded(*args, **options) -> None:
+        try:
+            command(*args, **options)
+        except CheckFailed as error:
+            err.print(str(error), style="red", soft_wrap=True)
+            raise typer.Exit(1) from error
+        except BAD_INPUT as error:
+            if os.environ.get("YOUBOT_DEBUG"):
+                raise
+            err.print(f"error: {error}", style="red", soft_wrap=True)
+            raise typer.Exit(2) from error
+
+    app = typer.Typer(
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    # The backspace keeps the lines of the example as they are.
+    app.command(epilog=f"\b\nExample:\n  {_script()} {example}")(guarded)
+    app()
+
+
+def parse_effects(arguments: Iterable[str] | None) -> dict[str, dict[str, float] | None]:
+    """Turn ``NAME``, ``NAME=VALUE`` and ``NAME.PARAMETER=VALUE`` into what ``with_effects`` takes.
+
+    Raises:
+        ValueError: an unknown effect, a value that is not a number, or something given twice.
+    """
+    effects: dict[str, dict[str, float] | None] = {}
+    for argument in arguments or ():
+        place, given, text = argument.partition("=")
+        name, dot, parameter = place.strip().partition(".")
+        first = get_effect(name).parameters[0].name
+        if not given:
+            if dot:
+                raise ValueError(f"--effect {argument}: give a value, {argument}=VALUE")
+            if name in effects:
+                raise ValueError(f"--effect {argument}: {name} is given twice; leave one out")
+            effects[name] = None
+            continue
+        try:
+            value = float(text)
+        except ValueError:
+            raise ValueError(
+                f"--effect {argument}: {text!r} is not a number; write {place}=VALUE, with a "
+                "decimal point"
+            ) from None
+        values, parameter = effects.setdefault(name, {}), parameter if dot else first
+        if values is None or parameter in values:
+            raise ValueError(f"--effect {argument}: {name} is given twice; leave one out")
+        values[parameter] = value
+    return effects
+
+
+def check_writable(*paths: Path | None) -> None:
+    """Refuse, before a long computation, files that could not be written after it.
+
+    Raises:
+        ValueError: a folder, a place that is no folder or not ours, or one file named twice.
+    """
+    chosen = [path for path in paths if path is not None]
+    for number, path in enumerate(chosen):
+        place = next(p for p in path.absolute().parents if p.exists())
+        if path.resolve() in [other.resolve() for other in chosen[:number]]:
+            raise ValueError(f"two results cannot both go to {str(path)!r}; rename one")
+        if path.is_dir():
+            raise ValueError(f"cannot write {str(path)!r}: it is a folder; add a file name")
+        if not place.is_dir():
+            raise ValueError(f"cannot write {str(path)!r}: {place.name!r} is no folder; rename it")
+        if not os.access(path if path.exists() else place, os.W_OK):
+            raise ValueError(f"cannot write {str(path)!r}: no permission; choose another place")
+
+
+def write_json(path: Path | None, data: dict) -> None:
+    """Write results for programs, whole or not at all; numbers that are not finite become null."""
+    if path is not None:
+        write_atomically(path, json.dumps(_plain(data), indent=2, allow_nan=False) + "\n")
+
+
+def provenance(
+    seed: int | None = None, logs: dict[str, str] | None = None, command: str | None = None
+) -> dict[str, Any]:
+    """How a result came about, without any absolute path.
+
+    Args:
+        seed: of the run.
+        logs: SHA-256 of the logs it rests on, by name.
+        command: command line, where the true one says more than it should.
+    """
+    used = {name: version(name.replace("_", "-")) for name in VERSIONED if name in sys.modules}
+    return {
+        "command": command or command_line(),
+        "seed": seed,
+        "versions": {"python": sys.version.split()[0]} | used,
+        "logs": logs or {},
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "git_commit": _git_commit(),
+    }
+
+
+def command_line() -> str:
+    """The command line of this run as one can type it again, absolute paths shortened."""
+    words = [f"{key}{eq}{shown(value)}" for key, eq, value in map(_split_option, sys.argv[1:])]
+    return f"{_script()} {shlex.join(words)}"
+
+
+def shown(path: str | os.PathLike) -> str:
+    """A path for a record: relative to the working folder, or the bare name if it lies outside."""
+    if not os.path.isabs(path):
+        return str(path)
+    inside = Path(path).is_relative_to(Path.cwd())
+    return str(Path(path).relative_to(Path.cwd())) if inside else Path(path).name
+
+
+def table(title: str, columns: Iterable[str], rows: Iterable[Iterable]) -> None:
+    """Print a plain table: the first column of names, the others of numbers or words."""
+    drawn = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for number, column in enumerate(columns):
+        drawn.add_column(column, justify="right" if number else "left")
+    for row in rows:
+        drawn.add_row(*(f"{c:.4g}" if isinstance(c, float) else str(c) for c in row))
+    out.print(drawn)
+
+
+@contextmanager
+def progress(title: str, total: float, unit: str = "") -> Iterator[Callable[[float], None]]:
+    """Show a bar on a terminal; the body gets a function to call with how much is done."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn(f"{{task.completed:.0f}}/{{task.total:.0f}} {unit}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+        task = bar.add_task(title, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def _script() -> str:
+    return f"python scripts/{Path(sys.argv[0]).name}"
+
+
+def _split_option(word: str) -> tuple[str, str, str]:
+    """``--key=value`` in three parts; anything else is all value."""
+    return word.partition("=") if word.startswith("--") and "=" in word else ("", "", word)
+
+
+def _git_commit() -> str | None:
+    command = ["git", "-C", str(ROOT), "rev-parse", "HEAD"]
+    try:
+        answer = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return answer.stdout.strip()
+
+
+def _plain(value: Any) -> Any:
+    """The value in types that JSON has."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return str(value) if isinstance(value, os.PathLike) else value
