@@ -28,24 +28,24 @@ def advance_function(structure: Structure, substeps: int = 1, history: int = 1) 
         orders it, ``commands`` an (n, history) matrix in N m, ``values`` as ``Model.names()``,
         time ``t`` and sample time ``dt`` in s.
     """
-    return _build(structure.key, substeps, history, _Hidden(structure))
+    return _build(structure.key, substeps, history, Hidden(structure))
 
 
-class _Hidden:
+class Hidden:
     """Carries the structure past the cache, whose key is ``Structure.key`` alone."""
 
     def __init__(self, structure: Structure):
         self.structure = structure
 
     def __eq__(self, other) -> bool:
-        return isinstance(other, _Hidden)
+        return isinstance(other, Hidden)
 
     def __hash__(self) -> int:
         return 0
 
 
 @lru_cache(maxsize=128)
-def _build(key: tuple, substeps: int, history: int, hidden: _Hidden) -> ca.Function:
+def _build(key: tuple, substeps: int, history: int, hidden: Hidden) -> ca.Function:
     structure, ops = hidden.structure, casadi_ops()
     size = len(structure.flatten(structure.rest()))
     state, time, dt = ca.SX.sym("state", size), ca.SX.sym("t"), ca.SX.sym("dt")

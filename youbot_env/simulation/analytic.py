@@ -40,7 +40,8 @@ def fastest_rate(model: Model) -> float:
 
 def choose_substeps(model: Model, dt: float) -> int:
     """Runge-Kutta steps that one sample of dt needs to stay accurate for this model."""
-    return max(1, math.ceil(dt * fastest_rate(model) / STEP_FRACTION))
+    # The small number keeps the rounding of sample times from adding a step.
+    return max(1, math.ceil(dt * fastest_rate(model) / STEP_FRACTION - 1e-6))
 
 
 def history_length(structure: Structure, longest_delay: float, dt: float) -> int:
