@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ident.blocks import cut_calibration, identify_by_motion
 from ident.log import Log
 from ident.observability import observe_motion, observe_regression
 from ident.regression import build_regression
 from youbot_env.model_file import load_model
+from youbot_env.parameters import to_x
 from youbot_env.platform import omni3
 from youbot_env.recording import channel_columns, record_motion
 from youbot_env.references import make_reference
@@ -165,3 +167,37 @@ def test_three_omni_wheels_cannot_tell_two_frictions_apart_without_turning():
         seen.null != 0, [[0, 1, 0, 0, 0, 0, 0], [1, 0, 1, 0, 0, 0, 0], [0, 0, 0, 0, 0, 1, 1]]
     )
     assert observe_motion(motion("multisine"), model, 4 * PERIOD).rank == 7
+
+
+def test_identification_motion_by_motion_finds_the_robot():
+    truth = load_model("paper")
+    log = record(motion("calibration", seconds=60.0), 60.0, truth, dt=0.02)
+    found = identify_by_motion(cut_calibration(log), NOMINAL)
+    x = np.array(to_x(truth.parameters.theta(truth.platform), truth.platform))
+    assert found.motions == ("I", "III", "II", "IV")
+    # Which motion determines which parameter alone: physics of paper section 3.
+    sees = {
+        "I": [0, 0, 1, 1, 0, 1, 1],
+        "III": [0, 0, 0, 1, 1, 1, 1],
+        "II": [0, 0, 1, 0, 1, 1, 1],
+        "IV": [0, 1, 1, 1, 1, 1, 1],
+    }
+    np.testing.assert_array_equal(np.isfinite(found.alone), [sees[m] for m in found.motions])
+    np.testing.assert_array_equal(np.isfinite(found.alone_errors), np.isfinite(found.alone))
+    score = (found.alone - x) / found.alone_errors
+    assert np.nanmax(np.abs(score)) < 4.5
+    # Mass and inertia come out once others are put in.
+    assert found.source[1] == "IV"
+    assert np.abs((found.decomposed - x) / found.decomposed_errors).max() < 4.5
+    assert np.abs((found.joint - x) / found.joint_errors).max() < 4.5
+    assert np.all(found.joint_errors < found.decomposed_errors * 1.1)
+
+
+def test_what_no_part_sees_stays_nan():
+    log = record(motion("III"), 2 * PERIOD)
+    found = identify_by_motion([("III", log)], NOMINAL)
+    unseen = [True, True, True, False, False, False, False]
+    np.testing.assert_array_equal(np.isnan(found.decomposed), unseen)
+    np.testing.assert_array_equal(np.isnan(found.joint), unseen)
+    assert found.source[:3] == ("", "", "")
+    np.testing.assert_allclose(found.decomposed[3:], found.joint[3:])
