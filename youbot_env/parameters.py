@@ -140,8 +140,8 @@ class Parameters:
 def x_scale(platform: Platform) -> Theta:
     """Factors from theta to the vector x of paper eq. (7): ``x = x_scale * theta``.
 
-    For the youBot (L^2, 1, 4L^2/R^2, L, L, 4L^2/R^2, 8h^2/r^2).  Where rollers stand still while the
-    robot turns (omni wheels on a circle) the last factor is that of driving sideways on the lever.
+    For the youBot (L^2, 1, 4L^2/R^2, L, L, 4L^2/R^2, 8h^2/r^2).  Where rollers stand still while
+    the robot turns (omni wheels on a circle) the last is that of driving sideways on the lever.
     """
     lever, geometry = platform.lever, platform.geometry
     wheel = geometry.wheel_metric[5]
