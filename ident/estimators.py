@@ -128,23 +128,24 @@ def _solve(
     H, y = regression.H, regression.y
     count = H.shape[2]
     prior = np.zeros(count) if prior is None else np.asarray(prior, float)
-    scale = np.sqrt(np.einsum("nap,nap->p", H, H))
+    flat, held = H.reshape(-1, count), instruments.reshape(-1, count)
+    gram = flat.T @ flat
+    scale = np.sqrt(np.diag(gram))
     scale = np.where(scale > 0, scale, 1.0)
-    X, Z = H / scale, instruments / scale
-    _, singular, right = np.linalg.svd(np.einsum("nap,naq->pq", X, X))
+    _, singular, right = np.linalg.svd(gram / np.outer(scale, scale))
     seen = singular > RANK_TOLERANCE * singular[0]
     basis, blind = right[seen].T, right[~seen].T
-    gap = y - H @ prior
-    Zb = Z @ basis
-    gram = np.einsum("nap,naq->pq", Zb, X @ basis)
-    step = np.linalg.solve(gram, np.einsum("nap,na->p", Zb, gap))
-    residual = gap - (X @ basis) @ step
-    number = cluster_numbers(regression, clusters)
-    total = int(number[-1]) + 1
-    scores = np.zeros((total, Zb.shape[2]))
-    np.add.at(scores, number, np.einsum("nap,na->np", Zb, residual))
+    turn = basis / scale[:, None]
+    gap = y.ravel() - flat @ prior
+    X, Z = flat @ turn, held @ turn
+    gram = Z.T @ X
+    step = np.linalg.solve(gram, Z.T @ gap)
+    scores = Z * (gap - X @ step)[:, None]
+    first = np.flatnonzero(np.diff(np.repeat(cluster_numbers(regression, clusters), 3), prepend=-1))
+    scores = np.add.reduceat(scores, first, axis=0)
+    total = len(first)
     inverse = np.linalg.inv(gram)
     meat = scores.T @ scores * total / max(total - 1, 1)
-    covariance = basis @ (inverse @ meat @ inverse.T) @ basis.T / np.outer(scale, scale)
-    values = prior + basis @ step / scale
+    covariance = turn @ (inverse @ meat @ inverse.T) @ turn.T
+    values = prior + turn @ step
     return Estimate(method, regression.names, values, covariance, total, blind, scale)

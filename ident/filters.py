@@ -14,44 +14,63 @@ from scipy.signal import lfilter
 UNIFORM = 1e-6
 
 
-def interval_hold(
-    begin: np.ndarray, end: np.ndarray, time: np.ndarray, a: float, start: np.ndarray | float = 0.0
-) -> np.ndarray:
-    """Filter a signal that runs straight within each interval and may jump at the samples.
+class FirstOrderFilter:
+    """``a / (p + a)`` on one time grid; what depends on the grid alone is computed once.
 
     Args:
-        begin, end: (N-1, ...) values at the beginning and the end of each interval.
-        time: (N,) s.
-        a: corner of the filter, rad/s.
-        start: filter state at the first sample.
-
-    Returns:
-        (N, ...) filtered samples.
+        time: (N,) s, strictly rising.
+        corner: a, rad/s.
     """
-    step = np.diff(time)
-    decay = np.exp(-a * step)
-    mean = -np.expm1(-a * step) / (a * step)
-    drive = _scaled(begin, mean - decay) + _scaled(end, 1.0 - mean)
-    return _recursion(drive, decay, start)
+
+    def __init__(self, time: np.ndarray, corner: float):
+        step = np.diff(time)
+        self.corner, self.decay = corner, np.exp(-corner * step)
+        mean = -np.expm1(-corner * step) / (corner * step)
+        self._before, self._after = mean - self.decay, 1.0 - mean
+        if np.ptp(step) < UNIFORM * step.mean():
+            # One number instead of an array: cheaper, and the recursion is then a plain filter.
+            self.decay = float(self.decay.mean())
+            self._before, self._after = float(self._before.mean()), float(self._after.mean())
+
+    def hold(self, begin: np.ndarray, end: np.ndarray, start=0.0) -> np.ndarray:
+        """Filter a signal that runs straight within each interval and may jump at the samples.
+
+        Args:
+            begin, end: (N-1, ...) values at the beginning and the end of each interval.
+            start: filter state at the first sample.
+
+        Returns:
+            (N, ...) filtered samples.
+        """
+        drive = _scaled(begin, self._before) + _scaled(end, self._after)
+        return _recursion(drive, self.decay, start)
+
+    def linear(self, u: np.ndarray, start=0.0) -> np.ndarray:
+        """Filter a signal (N, ...) that runs straight from sample to sample (velocities)."""
+        return self.hold(u[:-1], u[1:], start)
+
+    def rate(self, u: np.ndarray) -> np.ndarray:
+        """Filtered time derivative ``F u' = a (u - F u)`` of a signal that runs straight.
+
+        Its state starts at zero, as that of ``linear`` does, so that equations in u and u' hold
+        exactly from the first sample on.
+        """
+        return self.corner * (u - self.linear(u, start=u[0]))
 
 
 def linear_hold(u: np.ndarray, time: np.ndarray, a: float, start: np.ndarray | float = 0.0):
     """Filter a signal (N, ...) that runs straight from sample to sample (velocities)."""
-    return interval_hold(u[:-1], u[1:], time, a, start)
+    return FirstOrderFilter(time, a).linear(u, start)
 
 
 def zero_hold(u: np.ndarray, time: np.ndarray, a: float, start: np.ndarray | float = 0.0):
     """Filter a signal (N, ...) that keeps each sample's value until the next (torques)."""
-    return interval_hold(u[:-1], u[:-1], time, a, start)
+    return FirstOrderFilter(time, a).hold(u[:-1], u[:-1], start)
 
 
 def linear_hold_rate(u: np.ndarray, time: np.ndarray, a: float) -> np.ndarray:
-    """Filtered time derivative ``F u' = a (u - F u)`` of a signal that is linear between samples.
-
-    Its state starts at zero, as that of ``linear_hold`` does, so that equations in u and u' hold
-    exactly from the first sample on.
-    """
-    return a * (u - linear_hold(u, time, a, start=u[0]))
+    """Filtered time derivative of a signal (N, ...) that runs straight from sample to sample."""
+    return FirstOrderFilter(time, a).rate(u)
 
 
 def delayed_hold(u: np.ndarray, time: np.ndarray, delay: float) -> np.ndarray:
@@ -74,20 +93,22 @@ def delayed_hold(u: np.ndarray, time: np.ndarray, delay: float) -> np.ndarray:
     return np.concatenate([mean, mean[-1:]])
 
 
-def _scaled(u: np.ndarray, factor: np.ndarray) -> np.ndarray:
+def _scaled(u: np.ndarray, factor: np.ndarray | float) -> np.ndarray:
+    if np.ndim(factor) == 0 or u.ndim == 1:
+        return u * factor
     return u * factor.reshape((-1,) + (1,) * (u.ndim - 1))
 
 
-def _recursion(drive: np.ndarray, decay: np.ndarray, start) -> np.ndarray:
+def _recursion(drive: np.ndarray, decay: np.ndarray | float, start) -> np.ndarray:
     """Run ``s[k+1] = decay[k] s[k] + drive[k]`` from ``s[0] = start``."""
     first = np.broadcast_to(np.asarray(start, float), drive.shape[1:])
     result = np.empty((len(drive) + 1, *drive.shape[1:]))
     result[0] = first
-    if np.ptp(decay) < UNIFORM * decay.mean():
-        keep = float(decay.mean())
-        result[1:] = lfilter([1.0], [1.0, -keep], drive, axis=0, zi=keep * first[None])[0]
-        return result
-    _varying(drive, decay, result)
+    if np.ndim(decay) == 0:
+        initial = decay * first[None]
+        result[1:] = lfilter([1.0], [1.0, -decay], drive, axis=0, zi=initial)[0]
+    else:
+        _varying(drive, decay, result)
     return result
 
 

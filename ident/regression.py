@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.filters import interval_hold, linear_hold, linear_hold_rate
+from ident.filters import FirstOrderFilter
 from ident.log import Log
 from ident.signals import Measured, measure
 from youbot_env import dynamics
@@ -21,6 +21,8 @@ from youbot_env.model import Model
 
 # Corner of the filters, rad/s: above the motions (a few rad/s), below the noise of differences.
 CORNER = 10.0
+# Rows are kept this share of the filters' time constant apart.
+SPACING = 0.05
 AXES = ("x", "y", "yaw")
 
 
@@ -66,12 +68,6 @@ class Regression:
         stacked = [np.concatenate([getattr(p, name) for p in parts]) for name in ("H", "y", "time")]
         return cls(parts[0].names, *stacked, np.concatenate(pieces), parts[0].lever)
 
-    def only(self, keep: np.ndarray) -> Regression:
-        """Return the rows of a boolean mask (N,)."""
-        return Regression(
-            self.names, self.H[keep], self.y[keep], self.time[keep], self.piece[keep], self.lever
-        )
-
 
 def build_regression(
     log: Log,
@@ -99,8 +95,10 @@ def build_regression(
         if len(piece.time) - skip < 2:
             continue
         seen = measure(transform(piece) if transform else piece, model, origin=log.time[0])
-        H, y = _columns(seen, model, corner)
-        parts.append((H[skip:], y[skip:], piece.time[skip:], np.full(len(y) - skip, number)))
+        # Rows far closer than the filters can tell apart repeat each other.
+        rows = slice(skip, None, max(1, int(SPACING / (corner * piece.dt))))
+        H, y = _columns(seen, model, corner, rows)
+        parts.append((H, y, piece.time[rows], np.full(len(y), number)))
     if not parts:
         raise ValueError(
             f"log {log.name!r}: no contiguous piece is longer than {settle / corner:.2g} s, which "
@@ -119,13 +117,15 @@ def linear_names(model: Model) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _columns(seen: Measured, model: Model, corner: float) -> tuple[np.ndarray, np.ndarray]:
-    """Columns (N, 3, P) and right side (N, 3) of one piece.
+def _columns(
+    seen: Measured, model: Model, corner: float, rows: slice
+) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (N, 3, P) and right side (N, 3) of one piece at some rows.
 
     The forces of drive and effects are linearised at the model's values, one parameter at a time;
     in parameters that enter linearly this is exact.
     """
-    filters = _Filters(seen.time, corner, model.platform.lever)
+    filters = _Filters(seen.time, corner, model.platform.lever, rows)
     columns = [filters.inertial(seen, row) for row in np.eye(7).tolist()]
     values = np.array(model.values())
     force, extra = filters.force(seen), seen.robot.theta_change(seen.signals, NUMPY)
@@ -148,43 +148,46 @@ def _columns(seen: Measured, model: Model, corner: float) -> tuple[np.ndarray, n
 
 
 class _Filters:
-    """The filters of one piece, with force rows scaled by the lever."""
+    """The filters of one piece, with force rows scaled by the lever; returns the wanted rows."""
 
-    def __init__(self, time: np.ndarray, corner: float, lever: float):
-        self.time, self.corner = time, corner
-        self.scale = np.array([lever, lever, 1.0])
+    def __init__(self, time: np.ndarray, corner: float, lever: float, rows: slice):
+        self._filter, self._rows = FirstOrderFilter(time, corner), rows
+        self._scale, self._count = (lever, lever, 1.0), len(time[rows])
 
     def inertial(self, seen: Measured, theta) -> np.ndarray:
-        """Filtered left side ``d/dt (M v) + centripetal + D v`` for theta.
+        """Filtered left side ``d/dt (M v) + centripetal + D v`` for theta, (rows, 3).
 
         Entries of theta may vary over time (a payload): mass that comes or goes takes its
         momentum along, so only ``theta_j d(M_j v)/dt`` counts.
         """
-        s, total = seen.signals, 0.0
+        s, total = seen.signals, np.zeros((self._count, 3))
         for number, weight in enumerate(theta):
             if np.ndim(weight) == 0 and weight == 0.0:
                 continue
             unit = Theta(*np.eye(7)[number].tolist())
-            momentum = self._stack(dynamics.momentum(s.geometry, unit, s.v))
-            force = self._stack(dynamics.centripetal(unit, s.v)) + self._stack(
-                dynamics.friction(s.geometry, unit, s.v)
-            )
+            momentum = dynamics.momentum(s.geometry, unit, s.v)
+            quadratic = dynamics.centripetal(unit, s.v)
+            viscous = dynamics.friction(s.geometry, unit, s.v)
+            for axis in range(3):
+                force = quadratic[axis] + viscous[axis]
+                total[:, axis] += self._left(momentum[axis], force, weight) * self._scale[axis]
+        return total
+
+    def _left(self, momentum, force, weight) -> np.ndarray | float:
+        """Filtered ``weight (momentum' + force)``; zeros that are plain numbers cost nothing."""
+        result = 0.0
+        if np.ndim(momentum):
             if np.ndim(weight):
-                middle = 0.5 * (weight[1:] + weight[:-1])[:, None]
-                steps = np.cumsum(middle * np.diff(momentum, axis=0), axis=0)
-                momentum = np.concatenate([np.zeros((1, 3)), steps])
-                force = force * weight[:, None]
-            rate = linear_hold_rate(momentum, self.time, self.corner)
-            total = total + rate + linear_hold(force, self.time, self.corner)
-        return total * self.scale
+                steps = 0.5 * (weight[1:] + weight[:-1]) * np.diff(momentum)
+                momentum = np.concatenate([[0.0], np.cumsum(steps)])
+            result = result + self._filter.rate(momentum)[self._rows]
+        if np.ndim(force) and np.any(force):
+            force = force * weight if np.ndim(weight) else force
+            result = result + self._filter.linear(force)[self._rows]
+        return result
 
     def force(self, seen: Measured) -> np.ndarray:
-        """Filtered generalized forces of drive and effects, torques held within each interval."""
-        begin, end = (self._stack(wrench) for wrench in seen.interval_wrenches())
-        return interval_hold(begin, end, self.time, self.corner) * self.scale
-
-    def _stack(self, components: tuple) -> np.ndarray:
-        shape = (max(np.size(c) for c in components),)
-        return np.stack([np.broadcast_to(c, shape) for c in components], axis=-1) * np.ones(
-            (1 if shape[0] > 1 else len(self.time), 1)
-        )
+        """Filtered generalized forces of drive and effects, (rows, 3)."""
+        begin, end = seen.interval_wrenches()
+        held = (self._filter.hold(b, e)[self._rows] for b, e in zip(begin, end, strict=True))
+        return np.stack([h * k for h, k in zip(held, self._scale, strict=True)], axis=-1)

@@ -68,12 +68,13 @@ def measure(piece: Log, model: Model, values=None, origin: float = 0.0) -> Measu
     structure = Structure.of(model)
     robot = structure.bind(np.asarray(model.values() if values is None else values, float).tolist())
     torque = delayed_hold(piece.command, piece.time, robot.delay())
-    command = tuple(torque.T)
-    angle = _wheel_angle(piece)
-    pose = None if piece.pose is None else tuple(piece.pose.T)
-    guess = tuple(piece.velocity().T)
-    if pose is None:
-        pose = _odometry(piece.time, guess)
+    command = tuple(np.ascontiguousarray(torque.T))
+    guess = tuple(np.ascontiguousarray(piece.velocity().T))
+    # Integrals that nobody reads are not worth their time.
+    angle = _wheel_angle(piece) if robot.reads_wheel_angle else ()
+    pose = ()
+    if robot.reads_pose:
+        pose = _odometry(piece.time, guess) if piece.pose is None else tuple(piece.pose.T)
     clock = piece.time - origin
     signals = robot.signals(clock, guess, pose, angle, command, NUMPY)
     if robot.acting("kinematics") and piece.body_velocity is None:

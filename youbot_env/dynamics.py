@@ -64,8 +64,8 @@ def centripetal(theta: Theta, v: tuple) -> tuple:
     wheels adds no such term.
     """
     vx, vy, om = v
-    px = theta.m0 * vx - theta.may * om
-    py = theta.m0 * vy + theta.max * om
+    px = weighted_sum((theta.m0, -theta.may), (vx, om))
+    py = weighted_sum((theta.m0, theta.max), (vy, om))
     return -om * py, om * px, vx * py - vy * px
 
 
