@@ -7,6 +7,7 @@ turn indefinite.
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -92,7 +93,7 @@ def history(
     dt, count = sample_times(regression), len(regression.time)
     edges = np.unique(np.linspace(0, count, min(points, count) + 1).astype(int))
     estimates = []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in itertools.pairwise(edges):
         estimator.update_many(regression.H[a:b], regression.y[a:b], dt[a:b])
         estimates.append(estimator.estimate)
     return regression.time[edges[1:] - 1], np.array(estimates)

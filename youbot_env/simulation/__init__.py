@@ -2,7 +2,14 @@
 
 from youbot_env.simulation.analytic import AnalyticPlant, choose_substeps
 from youbot_env.simulation.closed_loop import record_closed_loop
-from youbot_env.simulation.sensors import Sensors
+from youbot_env.simulation.sensors import IDEAL, Sensors
 from youbot_env.simulation.wheel_loop import WheelLoop
 
-__all__ = ["AnalyticPlant", "Sensors", "WheelLoop", "choose_substeps", "record_closed_loop"]
+__all__ = [
+    "IDEAL",
+    "AnalyticPlant",
+    "Sensors",
+    "WheelLoop",
+    "choose_substeps",
+    "record_closed_loop",
+]
