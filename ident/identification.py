@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from ident.observability import Observability, observe_regression
+from scipy.special import stdtrit
 
 from ident.estimators import (
     CLUSTERS,
@@ -18,40 +18,20 @@ from ident.estimators import (
 )
 from ident.free_run import FreeRun, free_run
 from ident.log import Log
+from ident.observability import Observability, observe_regression
 from ident.output_error import OutputError, refine
-from ident.physical import decode, doubts, invisible, lump_weights
+from ident.physical import doubts, invisible
+from ident.quantities import Quantity, annotated, quantities
 from ident.recursive import history
 from ident.regression import CORNER, Regression, build_regression
+from ident.seen import Seen
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
-from youbot_env.parameters import UNITS
 
 # Standard deviations of the recursive estimator's first guess, in sizes of the nominal values: wide
 # enough that the guess is forgotten within the first seconds.
 GUESS = 1e4
 RELINEARIZATIONS = 3
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A number with its uncertainty.
-
-    Attributes:
-        value, unit: as printed.
-        se: standard error; ci95: 95 % interval; None where the log says nothing.
-        source: estimator that gave it.
-    """
-
-    value: float
-    unit: str
-    se: float | None
-    ci95: tuple[float, float] | None
-    source: str
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return what JSON shows."""
-        interval = list(self.ci95) if self.ci95 else None
-        return {"value": self.value, "unit": self.unit, "se": self.se, "ci95": interval}
 
 
 @dataclass(frozen=True)
@@ -61,7 +41,7 @@ class Identification:
     Attributes:
         model: identified model with covariance and provenance of the fit.
         prior: the model the fit started from.
-        estimates: by method: ``least squares``, ``instrumental variables``, ``recursive``.
+        estimates: by method: ``least squares``, ``instrumental variables``.
         method: the one the model was taken from.
         parameters, lumps, effects: quantities by name.
         observability: rank, conditioning and blind directions of the regression.
@@ -69,6 +49,7 @@ class Identification:
         doubts: what is physically odd about the result, in words.
         invisible: what no log of this kind can show, in words.
         regression: filtered rows at the estimate.
+        velocity: (N, 3) measured body velocities of its rows.
         track: times (K,) s and recursive estimates (K, P), paper Fig. 6.
         residual_nrmse: (4,) equation error by axis and in all.
         fit_run, test_run: free run on the (first) fit log and on the test log.
@@ -88,6 +69,7 @@ class Identification:
     doubts: list[str]
     invisible: list[str]
     regression: Regression
+    velocity: np.ndarray
     track: tuple[np.ndarray, np.ndarray]
     residual_nrmse: np.ndarray
     fit_run: FreeRun
@@ -146,7 +128,8 @@ def identify(
         name: name of the identified model.
 
     Raises:
-        ValueError: an unknown method, or instruments asked for without a reference.
+        ValueError: an unknown method, instruments asked for without a reference, or logs that show
+            nothing.
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
     prior = load_model(model)
@@ -154,42 +137,48 @@ def identify(
     prior = prior.with_effects(effects) if effects else prior
     prior = replace(prior, platform=logs[0].platform)
     instruments = _choose(method, logs)
-    model, estimates, regression = prior, {}, None
+    model = prior
     for _ in range(RELINEARIZATIONS if prior.effects else 1):
-        regression = Regression.join([build_regression(log, model, corner) for log in logs])
+        regression, velocity = _rows(logs, model, corner)
         start = _linear_values(prior, regression.names)
-        estimates["least squares"] = least_squares(regression, start, clusters)
-        chosen = "least squares"
+        observability = observe_regression(regression, model)
+        if observability.rank == 0:
+            names = ", ".join(log.name for log in logs)
+            raise ValueError(f"no parameter leaves a trace in {names}; record a livelier motion")
+        seen = Seen.of(observability, regression.names, start, model)
+        reduced = seen.reduce(regression)
+        found = {"least squares": least_squares(reduced, None, clusters)}
         if instruments:
             rows = [build_regression(log, model, corner, reference_motion).H for log in logs]
-            chosen = "instrumental variables"
-            estimates[chosen] = instrumental_variables(
-                regression, np.concatenate(rows), start, clusters
+            found["instrumental variables"] = instrumental_variables(
+                reduced, np.concatenate(rows) @ seen.basis, None, clusters
             )
+        estimates = {method: seen.restore(estimate) for method, estimate in found.items()}
+        chosen = list(estimates)[-1]
         model = with_estimate(prior, estimates[chosen], name)
-    refinement = None
+    refinement, factor = None, estimates[chosen].quantile
     curved = any(not a.effect.parameter_of(n).linear for a in prior.effects for n in a.values)
     if method == "free-run" or (method == "auto" and curved):
         refinement = refine(logs, model)
         model, chosen = replace(refinement.model, name=name), "free run"
-    track = _track(regression, prior)
-    covariance = np.array(model.covariance)
-    factor = estimates[next(iter(estimates))].quantile
-    quantities, lumped, extra = _tables(model, covariance, factor, chosen)
+        factor = float(stdtrit(max(refinement.windows - 1, 1), 0.975))
+        regression, velocity = _rows(logs, model, corner)
+    parameters, lumped, extra = quantities(model, seen, factor, chosen)
     return Identification(
-        model=_annotated(model, quantities, chosen, logs),
+        model=annotated(model, parameters, chosen, logs),
         prior=prior,
         estimates=estimates,
         method=chosen,
-        parameters=quantities,
+        parameters=parameters,
         lumps=lumped,
         effects=extra,
-        observability=observe_regression(regression, model),
-        hausman=durbin_wu_hausman(*estimates.values()) if len(estimates) == 2 else None,
-        doubts=doubts(model, quantities),
+        observability=observability,
+        hausman=durbin_wu_hausman(*found.values()) if len(found) == 2 else None,
+        doubts=doubts(model, parameters),
         invisible=invisible(logs),
         regression=regression,
-        track=track,
+        velocity=velocity,
+        track=_track(regression, seen),
         residual_nrmse=_equation_error(regression, model),
         fit_run=free_run(logs[0], model),
         test_run=free_run(test, model) if test is not None else None,
@@ -216,7 +205,7 @@ def _choose(method: str, logs: list[Log]) -> bool:
     if method == "iv" and without:
         raise ValueError(
             f"instrumental variables need the commanded motion; logs {without} have no reference "
-            "columns (reference_vx, reference_vy, reference_yaw_rate); record them or use method 'ls'"
+            "columns (reference_vx, reference_vy, reference_yaw_rate); record them or use ls"
         )
     return method != "ls" and not without
 
@@ -226,10 +215,22 @@ def _linear_values(model: Model, names: tuple[str, ...]) -> np.ndarray:
     return np.array([values[name] for name in names])
 
 
-def _track(regression: Regression, prior: Model) -> tuple[np.ndarray, np.ndarray]:
-    start = _linear_values(prior, regression.names)
-    spread = np.sqrt(np.mean(regression.H**2, axis=(0, 1)))
-    return history(regression, start, GUESS / np.where(spread > 0, spread, 1.0))
+def _rows(logs: list[Log], model: Model, corner: float) -> tuple[Regression, np.ndarray]:
+    """Regression of all logs and the velocities (N, 3) measured at its rows."""
+    parts = [build_regression(log, model, corner) for log in logs]
+    velocities = [
+        log.velocity()[np.searchsorted(log.time, part.time)]
+        for log, part in zip(logs, parts, strict=True)
+    ]
+    return Regression.join(parts), np.concatenate(velocities)
+
+
+def _track(regression: Regression, seen: Seen) -> tuple[np.ndarray, np.ndarray]:
+    reduced = seen.reduce(regression)
+    spread = np.sqrt(np.mean(reduced.H**2, axis=(0, 1)))
+    guess = GUESS / np.where(spread > 0, spread, 1.0)
+    time, track = history(reduced, np.zeros(len(spread)), guess)
+    return time, seen.start + track @ seen.basis.T
 
 
 def _equation_error(regression: Regression, model: Model) -> np.ndarray:
@@ -237,50 +238,6 @@ def _equation_error(regression: Regression, model: Model) -> np.ndarray:
     spread = regression.y - regression.y.mean(axis=0)
     by_axis = np.sqrt(np.mean(error**2, axis=0) / np.mean(spread**2, axis=0))
     return np.append(by_axis, np.sqrt(np.mean(error**2) / np.mean(spread**2)))
-
-
-def _tables(model: Model, covariance: np.ndarray, factor: float, source: str) -> tuple:
-    parameters = {}
-    for parameter, (value, gradient) in decode(model).items():
-        se = float(np.sqrt(gradient @ covariance @ gradient))
-        parameters[parameter] = _quantity(value, UNITS[parameter], se, factor, source)
-    lumped = {}
-    for lump, (weights, unit) in lump_weights(model).items():
-        value = float(weights @ np.array(model.values()))
-        se = float(np.sqrt(weights @ covariance @ weights))
-        lumped[lump] = _quantity(value, unit, se, factor, source)
-    extra: dict[str, dict[str, Quantity]] = {}
-    names, values = model.names(), model.values()
-    for at, name in enumerate(names[7:], start=7):
-        identifier, flat = name.split(".")
-        effect = next(a.effect for a in model.effects if a.identifier == identifier)
-        se = float(np.sqrt(max(covariance[at, at], 0.0)))
-        quantity = _quantity(values[at], effect.parameter_of(flat).unit, se, factor, source)
-        extra.setdefault(identifier, {})[flat] = quantity
-    return parameters, lumped, extra
-
-
-def _quantity(value: float, unit: str, se: float, factor: float, source: str) -> Quantity:
-    if not np.isfinite(se) or se == 0.0:
-        return Quantity(float(value), unit, None, None, "kept from the prior model")
-    return Quantity(
-        float(value), unit, se, (float(value - factor * se), float(value + factor * se)), source
-    )
-
-
-def _annotated(
-    model: Model, quantities: dict[str, Quantity], method: str, logs: list[Log]
-) -> Model:
-    used = " + ".join(log.name for log in logs)
-    return replace(
-        model,
-        sources={name: f"{q.source}, {used}" for name, q in quantities.items()},
-        standard_errors={name: q.se for name, q in quantities.items() if q.se is not None},
-        provenance={
-            "logs": [{"name": log.name, "sha256": log.digest} for log in logs],
-            "method": method,
-        },
-    )
 
 
 def _run_dict(run: FreeRun) -> dict[str, float]:

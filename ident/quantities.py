@@ -1,0 +1,94 @@
+"""Identified numbers with their uncertainty, and the model that carries them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ident.log import Log
+from ident.physical import decode, lump_weights
+from ident.seen import Seen
+from youbot_env.model import Model
+from youbot_env.parameters import UNITS
+
+# Where a value the logs do not determine comes from.
+UNSEEN = "rests on the prior model"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its uncertainty.
+
+    Attributes:
+        value, unit: as printed.
+        se: standard error; ci95: 95 % interval; None where the log says nothing.
+        source: estimator that gave it.
+    """
+
+    value: float
+    unit: str
+    se: float | None
+    ci95: tuple[float, float] | None
+    source: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what JSON shows."""
+        interval = list(self.ci95) if self.ci95 else None
+        return {"value": self.value, "unit": self.unit, "se": self.se, "ci95": interval}
+
+
+def quantities(
+    model: Model, seen: Seen, factor: float, source: str
+) -> tuple[dict[str, Quantity], dict[str, Quantity], dict[str, dict[str, Quantity]]]:
+    """Parameters, lumps and parameters of effects of an identified model.
+
+    Args:
+        model: with values and covariance.
+        seen: what the logs determine.
+        factor: half width of an interval in standard errors.
+        source: estimator the model was taken from.
+    """
+    names, values, covariance = model.names(), model.values(), np.array(model.covariance)
+    at = [names.index(name) for name in seen.names]
+
+    def quantity(value: float, weights: np.ndarray, unit: str) -> Quantity:
+        se = float(np.sqrt(max(weights @ covariance @ weights, 0.0)))
+        if se == 0.0 or not (np.isfinite(se) and seen.determines(weights[at])):
+            return Quantity(float(value), unit, None, None, UNSEEN)
+        return Quantity(float(value), unit, se, (value - factor * se, value + factor * se), source)
+
+    parameters = {
+        name: quantity(value, gradient, UNITS[name])
+        for name, (value, gradient) in decode(model).items()
+    }
+    lumped = {
+        lump: quantity(float(weights @ np.array(values)), weights, unit)
+        for lump, (weights, unit) in lump_weights(model).items()
+    }
+    extra: dict[str, dict[str, Quantity]] = {}
+    for k, name in enumerate(names[7:], start=7):
+        identifier, flat = name.split(".")
+        effect = next(a.effect for a in model.effects if a.identifier == identifier)
+        weights = np.eye(len(names))[k]
+        unit = effect.parameter_of(flat).unit
+        extra.setdefault(identifier, {})[flat] = quantity(values[k], weights, unit)
+    return parameters, lumped, extra
+
+
+def annotated(model: Model, parameters: dict[str, Quantity], method: str, logs: list[Log]) -> Model:
+    """The model with where its parameters come from, their errors, and what it rests on."""
+    used = " + ".join(log.name for log in logs)
+    return replace(
+        model,
+        sources={
+            name: q.source if q.se is None else f"{q.source}, {used}"
+            for name, q in parameters.items()
+        },
+        standard_errors={name: q.se for name, q in parameters.items() if q.se is not None},
+        provenance={
+            "logs": [{"name": log.name, "sha256": log.digest} for log in logs],
+            "method": method,
+        },
+    )

@@ -1,0 +1,45 @@
+"""Estimation keeps the prior where the logs see nothing, and says so."""
+
+import numpy as np
+import pytest
+
+from ident.identification import identify
+from ident.log import Log
+from ident.quantities import UNSEEN
+from youbot_env.model_file import load_model
+from youbot_env.recording import record_motion, write_table
+from youbot_env.references import make_reference
+from youbot_env.simulation import AnalyticPlant, Sensors
+
+
+@pytest.fixture(scope="module")
+def translation(tmp_path_factory):
+    plant = AnalyticPlant(load_model("paper"), 0.02)
+    columns = record_motion(plant, make_reference("III"), 20.0, sensors=Sensors(), seed=4)
+    path = write_table(tmp_path_factory.mktemp("logs") / "translation.csv", columns)
+    return Log.load(path)
+
+
+@pytest.mark.parametrize("method", ["ls", "iv"])
+def test_translation_says_nothing_about_turning(translation, method):
+    result = identify(translation, "nominal", method=method)
+    nominal = load_model("nominal").parameters
+    assert result.parameters["I0"].value == pytest.approx(nominal.I0)
+    for name in ("I0", "m0", "I1"):  # m0 and I1 trade with each other in translation
+        assert result.parameters[name].ci95 is None
+        assert result.parameters[name].source == UNSEEN
+        assert name not in result.model.standard_errors
+    assert any("cannot be told apart" in words for words in result.observability.words)
+
+
+def test_what_translation_does_see_is_right(translation):
+    result, true = identify(translation, "nominal"), load_model("paper")
+    assert result.lumps["x1+x3"].value == pytest.approx(6.826, rel=0.03)
+    for name in ("mu1", "mu2"):
+        assert result.parameters[name].value == pytest.approx(
+            getattr(true.parameters, name), rel=0.02
+        )
+        assert result.parameters[name].ci95 is not None
+    covariance = np.array(result.model.covariance)
+    assert np.all(np.isfinite(covariance))
+    assert result.model.parameters.problems(result.model.platform) == []
