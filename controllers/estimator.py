@@ -1,0 +1,160 @@
+"""Where the robot is, and where it will be when the next command acts.
+
+A controller sees pose error, velocity and heading.  What else the laws of its model read (time,
+place, wheel angles, states of the drive) is carried along here from one observation to the next; a
+delay of the model is bridged by simulating it with the commands that are already on their way.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controllers.preview import preview_weights
+from youbot_env.backend import casadi_ops
+from youbot_env.compiled import advance_function
+from youbot_env.envs.task import TrackingTask
+from youbot_env.model import Model
+from youbot_env.plant import Structure, pose_rate, rk4_step
+from youbot_env.simulation import choose_substeps
+
+OPS = casadi_ops()
+
+
+class Situation(NamedTuple):
+    """The instant at which the next command begins to act.
+
+    Attributes:
+        t: that time since the start of the episode, s.
+        state: flat state of the model then (``Structure.flatten``).
+        wanted: pose of the reference then, world frame; its yaw is within pi of the robot's.
+        twist: velocities of the reference then, in its own frame.
+        memory: memory for the next call, before ``remember``.
+    """
+
+    t: Any
+    state: Any
+    wanted: Any
+    twist: Any
+    memory: Any
+
+
+class Estimator:
+    """Follows one robot by its observations and its model.
+
+    The world is the one in which the reference starts at the origin; the heading is observed.
+    Wheel angles and states of effects start at zero, as they do in the plants.
+
+    The memory holds: observations so far; place of the reference (x, y) and its world velocity;
+    flat state of the model at the last observation; commands sent, newest first.
+
+    Args:
+        model: gives the structure; its values decide how fine and how far back to simulate.
+        task: layout of the observation.
+        history: commands to remember at least; more are where the model has a delay.
+
+    Attributes:
+        structure: platform and effects.
+        size: length of the memory.
+        state: slice of the memory with the flat state at the last observation.
+        sent: slice of the memory with the commands sent, N m, newest first.
+    """
+
+    head = 5
+
+    def __init__(self, model: Model, task: TrackingTask, history: int = 0):
+        self.structure, self.task = Structure.of(model), task
+        self.substeps = choose_substeps(model, task.dt)
+        self._flat = len(self.structure.flatten(self.structure.rest()))
+        # Pose and velocity are observed; only what goes beyond them has to be simulated.
+        self._carries = self._flat > 6
+        self.delayed = any(effect.acts("delay") for effect in self.structure.effects)
+        delay = self.structure.bind(model.values()).delay()
+        needed = math.ceil(delay / task.dt) + 2 if self.delayed else int(self._carries)
+        self._history = max(history, needed)
+        self.size = self.head + self._flat + self._history * len(task.platform.wheels)
+        self.state = slice(self.head, self.head + self._flat)
+        self.sent = slice(self.state.stop, self.size)
+
+    @property
+    def key(self) -> tuple:
+        """What two estimators must share to be the same code."""
+        return self.structure.key, self.substeps, self._history
+
+    def weights(self, model: Model) -> np.ndarray:
+        """Preview weights (2 (preview + 1),) with which ``function`` sees across the delay."""
+        delay = self.structure.bind(model.values()).delay()
+        return preview_weights(self.task, [delay / 2, delay]).ravel()
+
+    def build(self) -> ca.Function:
+        """Trace ``F(seen, yaw, memory, values, weights) -> Situation`` of one robot."""
+        task, count = self.task, self.task.preview + 1
+        seen = ca.SX.sym("seen", task.observation_space.shape[0])
+        yaw, memory = ca.SX.sym("yaw"), ca.SX.sym("memory", self.size)
+        values = ca.SX.sym("values", self.structure.value_count)
+        weights = ca.SX.sym("weights", 2 * count)
+        heading = yaw + seen[2]
+        twists = ca.reshape(seen[8:], 3, count)
+        rate = ca.vertcat(*pose_rate(ca.vertsplit(twists[:, 0]), heading, OPS)[:2])
+        t, first = memory[0] * task.dt, memory[0] < 0.5
+        place = ca.if_else(first, 0.0, memory[1:3] + (task.dt / 2) * (memory[3:5] + rate))
+        gap = ca.vertcat(*pose_rate(ca.vertsplit(seen[:3]), yaw, OPS)[:2])
+        before, sent = memory[self.state], memory[self.sent]
+        commands = ca.reshape(sent, len(task.platform.wheels), self._history)
+        state = ca.vertcat(place - gap, yaw, seen[3:6])
+        if self._carries:
+            advance = advance_function(self.structure, self.substeps, self._history)
+            carried = advance(before, commands, values, t - task.dt, task.dt)[6:]
+            state = ca.vertcat(state, ca.if_else(first, 0.0, carried))
+        after = ca.vertcat(memory[0] + 1.0, place, rate, state, sent)
+        wanted, twist = ca.vertcat(place, heading), twists[:, 0]
+        if self.delayed:
+            delay = self.structure.bind(ca.vertsplit(values)).delay()
+            ahead = ca.mtimes(twists, ca.reshape(weights, count, 2))
+            state = self._simulate(state, commands, values, t, delay)
+            wanted, twist = _move(wanted, twist, ahead[:, 0], ahead[:, 1], delay), ahead[:, 1]
+            t = t + delay
+        outputs = Situation(t, state, wanted, twist, after)
+        return ca.Function("estimate", [seen, yaw, memory, values, weights], list(outputs))
+
+    def remember(self, memory, command):
+        """Complete ``Situation.memory`` by the command that was chosen, N m; on columns."""
+        if not self._history:
+            return memory
+        start, size = self.sent.start, len(self.task.platform.wheels)
+        parts = (memory[:start], command, memory[start : self.size - size])
+        return np.concatenate(parts) if isinstance(memory, np.ndarray) else ca.vertcat(*parts)
+
+    def _simulate(self, state, commands, values, t, delay):
+        """Bridge the delay: the k-th newest command acts until ``delay - k dt`` from now."""
+        step = self._step_function()
+        for age in range(self._history - 1, -1, -1):
+            duration = ca.fmin(ca.fmax(delay - age * self.task.dt, 0.0), self.task.dt)
+            for _ in range(self.substeps):
+                state = step(state, commands[:, age], values, t, duration / self.substeps)
+                t = t + duration / self.substeps
+        return state
+
+    def _step_function(self) -> ca.Function:
+        state, values = ca.SX.sym("state", self._flat), ca.SX.sym("v", self.structure.value_count)
+        command = ca.SX.sym("command", len(self.task.platform.wheels))
+        t, h = ca.SX.sym("t"), ca.SX.sym("h")
+        robot = self.structure.bind(ca.vertsplit(values))
+        start = self.structure.unflatten(ca.vertsplit(state))
+        after = rk4_step(robot, start, tuple(ca.vertsplit(command)), h, t, OPS)
+        result = ca.cse(ca.vertcat(*self.structure.flatten(after)))
+        return ca.Function("step", [state, command, values, t, h], [result])
+
+
+def _move(pose, first, middle, last, duration):
+    """Pose of the reference after ``duration`` s by Simpson's rule on three twists."""
+    half = pose[2] + (duration / 4) * (first[2] + middle[2])
+    end = pose[2] + (duration / 6) * (first[2] + 4 * middle[2] + last[2])
+    rates = [
+        ca.vertcat(*pose_rate(ca.vertsplit(twist), yaw, OPS))
+        for twist, yaw in ((first, pose[2]), (middle, half), (last, end))
+    ]
+    return pose + (duration / 6) * (rates[0] + 4 * rates[1] + rates[2])

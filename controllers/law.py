@@ -1,0 +1,158 @@
+"""Controllers whose law is one compiled function of observation, memory and model values."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controllers.base import Controller, Settings
+from controllers.columns import Columns
+from controllers.estimator import OPS, Estimator
+from controllers.preview import preview_weights
+from youbot_env.model import Model
+from youbot_env.plant import Robot, State
+from youbot_env.references import rotate_to_body
+
+
+class Tracking(NamedTuple):
+    """What a law works with, in components; vectors in the frame of the robot.
+
+    Attributes:
+        t: middle of the control period in which the command acts, s.
+        state: state of the model when that period begins.
+        error: pose error then (ahead, left, yaw), m, m, rad.
+        velocity_error: velocity of the reference less that of the robot.
+        velocity: of the robot in the middle of the period.
+        wanted_velocity: of the reference then.
+        wanted_acceleration: second derivative of the reference pose then, turned from the world
+            into the frame of the robot, m/s^2, m/s^2, rad/s^2.
+        reference_twist: velocity of the reference then in its own frame.
+    """
+
+    t: Any
+    state: State
+    error: tuple
+    velocity_error: tuple
+    velocity: tuple
+    wanted_velocity: tuple
+    wanted_acceleration: tuple
+    reference_twist: tuple
+
+
+class LawController(Controller):
+    """Base of the controllers that compute torques in closed form.
+
+    The law is traced once for each set of effects; values of the model, identified or nominal, are
+    inputs of the compiled function.
+
+    Class attributes:
+        history: commands that the memory keeps at least.
+
+    Attributes:
+        estimator: what it knows beyond the observation.
+        law: ``F(seen, yaw, memory, values, weights, *extra) -> (action, memory)``.
+    """
+
+    history = 0
+
+    def __init__(self, model: Model, settings: Settings):
+        self._laws: dict[tuple, Columns] = {}
+        super().__init__(model, settings)
+
+    def set_model(self, model: Model) -> None:
+        """See the base class; compiles when the effects are new to this controller."""
+        if self.task.preview < 2:
+            raise ValueError(
+                f"preview = {self.task.preview}; controller {self.name!r} needs at least 2 "
+                "reference twists ahead to know the acceleration"
+            )
+        super().set_model(model)
+        self.estimator = Estimator(model, self.task, self.history)
+        if self.estimator.key not in self._laws:
+            self._laws[self.estimator.key] = Columns(self._trace())
+        self._columns = self._laws[self.estimator.key]
+        self._weights = np.concatenate([self.estimator.weights(model), self._middle(model)])
+        self._values, self._start = np.array(model.values()), np.zeros(self.estimator.size)
+
+    @property
+    def law(self) -> ca.Function:
+        """The compiled law."""
+        return self._columns.function
+
+    def start(self) -> np.ndarray:
+        """See the base class."""
+        return self._start
+
+    def act(self, seen: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See the base class."""
+        return self.evaluate(seen, memory, self._values[None])
+
+    def evaluate(self, seen, memory, values, *extra) -> tuple[np.ndarray, np.ndarray]:
+        """Call the law; every input has one row a robot, or one row that all share."""
+        yaw = np.arctan2(seen[:, 7:8], seen[:, 6:7])
+        return tuple(self._columns.many(seen, yaw, memory, values, self._weights[None], *extra))
+
+    def _middle(self, model: Model) -> np.ndarray:
+        """Preview weights of twist and twist rate in the middle of the period to come."""
+        task = self.task
+        middle = [self.estimator.structure.bind(model.values()).delay() + task.dt / 2]
+        parts = (preview_weights(task, middle), preview_weights(task, middle, 1))
+        return np.concatenate(parts).ravel()
+
+    def _trace(self) -> ca.Function:
+        estimator, task, count = self.estimator, self.task, self.task.preview + 1
+        estimate = estimator.build()
+        seen, yaw, memory, values = symbols = estimate.sx_in()[:4]
+        weights = ca.SX.sym("weights", 4 * count)
+        t, state, wanted, twist, memory = estimate(seen, yaw, memory, values, weights[: 2 * count])
+        twists, middle = ca.reshape(seen[8:], 3, count), weights[2 * count :]
+        ahead = ca.mtimes(twists, ca.reshape(middle, count, 2))
+        state = estimator.structure.unflatten(ca.vertsplit(state))
+        tracking = track(
+            t + task.dt / 2, state, tuple(ca.vertsplit(wanted)), tuple(ca.vertsplit(twist)),
+            tuple(ca.vertsplit(ahead[:, 0])), tuple(ca.vertsplit(ahead[:, 1])), task,
+        )  # fmt: skip
+        extra = self.extra_inputs()
+        robot = estimator.structure.bind(ca.vertsplit(values))
+        command = ca.vertcat(*self.command(tracking, robot, extra))
+        after = estimator.remember(memory, command)
+        joined = ca.cse(ca.vertcat(command / task.torque_limit, after))
+        outputs = ca.vertsplit(joined, [0, len(task.platform.wheels), joined.numel()])
+        return ca.Function("law", [*symbols, weights, *extra], outputs)
+
+    def extra_inputs(self) -> list:
+        """Symbols of further inputs of the law, such as gains."""
+        return []
+
+    def command(self, tracking: Tracking, robot: Robot, extra: list) -> tuple:
+        """Return torque commands (n,), N m, within the limit; subclasses implement it."""
+        raise NotImplementedError
+
+
+def track(t, state: State, wanted, present, twist, rate, task) -> Tracking:
+    """Turn reference and state into what a law works with.
+
+    Args:
+        t: middle of the period, s.
+        state: state of the model at its beginning.
+        wanted, present: pose (world) and twist of the reference at its beginning.
+        twist, rate: twist of the reference and its rate in the middle.
+        task: defines the pose error.
+    """
+    error = task.error(state.pose, OPS.cos_sin(state.pose[2]), wanted, OPS)
+    # The turn from the frame of the reference into that of the robot is minus the yaw error.
+    turn = (OPS.cos(error[2]), -OPS.sin(error[2]))
+    vx, vy, omega = twist
+    second = (rate[0] - omega * vy, rate[1] + omega * vx, rate[2])
+    difference = _minus(rotate_to_body(present, turn), state.velocity)
+    velocity = rotate_to_body(twist, turn)
+    return Tracking(
+        t, state, error, difference, _minus(velocity, difference), velocity,
+        rotate_to_body(second, turn), twist,
+    )  # fmt: skip
+
+
+def _minus(a: tuple, b: tuple) -> tuple:
+    return tuple(x - y for x, y in zip(a, b, strict=True))
