@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 import os
 import tempfile
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import yaml
 
 from youbot_env.model import Model
-from youbot_env.parameters import UNITS, Parameters
+from youbot_env.parameters import UNITS, ImpossibleParameters, Parameters
 from youbot_env.platform import PLATFORMS, Platform, Wheel
+from youbot_env.strict_yaml import read_yaml
 
 SECTIONS = ("name", "platform", "parameters", "effects", "covariance", "provenance")
 SHIPPED = Path(__file__).parent.parent / "models"
@@ -38,13 +39,15 @@ def load_model(source: str | os.PathLike | Model) -> Model:
         return source
     path = find_model(source)
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = read_yaml(path)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ModelFileError(f"{path} is not valid YAML: {error}") from error
     try:
         return model_from_dict(data, default_name=path.stem).check()
+    except ImpossibleParameters as error:
+        raise ImpossibleParameters(f"{path}: {error}") from error
     except ValueError as error:
-        raise type(error)(f"{path}: {error}") from error
+        raise ModelFileError(f"{path}: {error}") from error
 
 
 def find_model(source: str | os.PathLike) -> Path:
@@ -65,7 +68,7 @@ def model_from_dict(data: object, default_name: str = "model") -> Model:
     """Build a model from the content of a model file."""
     if not isinstance(data, dict):
         raise ModelFileError(f"expected sections {SECTIONS}, found {type(data).__name__}")
-    _refuse_unknown(data, SECTIONS, "section")
+    _refuse_unknown(data, SECTIONS, "among the sections")
     for section in ("platform", "parameters"):
         if section not in data:
             raise ModelFileError(f"section {section!r} is missing")
@@ -84,26 +87,48 @@ def model_from_dict(data: object, default_name: str = "model") -> Model:
         values[name] = entry["value"]
         sources[name] = str(entry.get("source", ""))
         if entry.get("standard_error") is not None:
-            errors[name] = float(entry["standard_error"])
+            errors[name] = _number(entry["standard_error"], f"standard_error of {name}")
     model = Model(
         platform,
         Parameters.from_mapping(values),
         name=str(data.get("name", default_name)),
         sources=sources,
         standard_errors=errors,
-        covariance=data.get("covariance"),
         provenance=_mapping(data.get("provenance") or {}, "provenance"),
-    )
+    ).with_effects(_effects(data.get("effects") or []))
+    return replace(model, covariance=_covariance(data.get("covariance"), len(model.names())))
+
+
+def _effects(data: object) -> dict:
+    """Values by identifier, as ``Model.with_effects`` takes them."""
+    if not isinstance(data, list):
+        raise ModelFileError(
+            f"effects: {data!r} is not a list; write one '- identifier: NAME' for each effect"
+        )
     chosen = {}
-    for entry in data.get("effects") or []:
+    for entry in data:
         entry = {"identifier": entry} if isinstance(entry, str) else _mapping(entry, "effects")
         _refuse_unknown(entry, ("identifier", "parameters"), "in effects")
-        if "identifier" not in entry:
-            raise ModelFileError(f"effects: {entry} has no identifier")
-        if entry["identifier"] in chosen:
-            raise ModelFileError(f"effects: {entry['identifier']!r} is listed twice")
-        chosen[entry["identifier"]] = entry.get("parameters")
-    return model.with_effects(chosen)
+        identifier = entry.get("identifier")
+        if not isinstance(identifier, str):
+            raise ModelFileError(f"effects: {entry} has no identifier; give one of docs/effects.md")
+        if identifier in chosen:
+            raise ModelFileError(f"effects: {identifier!r} is listed twice; remove one")
+        chosen[identifier] = entry.get("parameters")
+    return chosen
+
+
+def _covariance(data: object, size: int) -> list[list[float]] | None:
+    if data is None:
+        return None
+    rows = data if isinstance(data, list) else []
+    shape = [len(row) if isinstance(row, list) else 0 for row in rows]
+    if shape != [size] * size:
+        raise ModelFileError(
+            f"covariance: it needs {size} rows of {size} numbers, one for each value of the model; "
+            "identify again or remove the section"
+        )
+    return [[_number(value, "covariance") for value in row] for row in rows]
 
 
 def model_to_dict(model: Model) -> dict:
@@ -166,8 +191,10 @@ def _platform(data: object) -> Platform:
     for name in ("wheels", "wheel_radius", "roller_radius"):
         if name not in data:
             raise ModelFileError(f"platform: {name} is missing")
-    wheels = []
-    for number, entry in enumerate(data.pop("wheels") or [], start=1):
+    wheels, table = [], data.pop("wheels")
+    if not isinstance(table, list):
+        raise ModelFileError(f"platform: wheels = {table!r} is not a list; write one '- ' a wheel")
+    for number, entry in enumerate(table, start=1):
         entry = dict(_mapping(entry, f"wheel {number}"))
         _refuse_unknown(entry, ("name", "x", "y", "roller_angle_deg", "heading_deg"), "in wheels")
         try:
@@ -190,6 +217,12 @@ def _platform(data: object) -> Platform:
     except (TypeError, ValueError) as error:
         raise ModelFileError(f"platform: {data}: {error}") from error
     return Platform(name, tuple(wheels), **numbers)
+
+
+def _number(value: object, place: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ModelFileError(f"{place}: {value!r} is not a finite number; correct or remove it")
+    return float(value)
 
 
 def _mapping(value: object, place: str) -> dict:

@@ -85,7 +85,7 @@ class Parameters:
         for name in names:
             value = values[name]
             if isinstance(value, bool) or not isinstance(value, int | float):
-                raise ValueError(f"{source}: {name} = {value!r} is not a number")
+                raise ValueError(f"{source}: {name} = {value!r} is not a number; give its value")
             if not math.isfinite(value):
                 raise ValueError(f"{source}: {name} = {value} is not finite")
         return cls(**{name: float(values[name]) for name in names})

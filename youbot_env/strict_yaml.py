@@ -1,0 +1,40 @@
+"""YAML as people mean it: ``5e-3`` is a number, and a key that stands twice is an error.
+
+PyYAML follows YAML 1.1, where a number with exponent needs a point and a sign (``5.0e-3``), and
+takes the last of equal keys without a word.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import yaml
+
+_EXPONENT = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+
+
+class _Loader(yaml.SafeLoader):
+    def construct_mapping(self, node, deep=False):
+        seen = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode) and key.value in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"{key.value!r} stands twice; remove one", key.start_mark
+                )
+            seen.add(key.value if isinstance(key, yaml.ScalarNode) else id(key))
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+.0123456789"))
+
+
+def read_yaml(path: Path) -> object:
+    """Content of a YAML file.
+
+    Raises:
+        yaml.YAMLError: the text is not YAML, or a mapping has a key twice; says in which line.
+        UnicodeDecodeError: the file is not text.
+    """
+    # A SafeLoader underneath: files of others cannot run code.
+    return yaml.load(path.read_text(encoding="utf-8"), _Loader)
