@@ -132,9 +132,13 @@ def _solve(
     gram = flat.T @ flat
     scale = np.sqrt(np.diag(gram))
     scale = np.where(scale > 0, scale, 1.0)
-    _, singular, right = np.linalg.svd(gram / np.outer(scale, scale))
+    # Directions are sought among the allowed ones, in units in which all columns are equally long.
+    free = np.eye(count)
+    if regression.allowed is not None:
+        free = np.linalg.qr(regression.allowed * scale[:, None])[0]
+    _, singular, right = np.linalg.svd(free.T @ (gram / np.outer(scale, scale)) @ free)
     seen = singular > RANK_TOLERANCE * singular[0]
-    basis, blind = right[seen].T, right[~seen].T
+    basis, blind = free @ right[seen].T, free @ right[~seen].T
     turn = basis / scale[:, None]
     gap = y.ravel() - flat @ prior
     X, Z = flat @ turn, held @ turn

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import null_space
 
 from ident.filters import FirstOrderFilter
 from ident.log import Log
@@ -40,6 +41,9 @@ class Regression:
         time: (N,) s.
         piece: (N,) number of the piece each row belongs to.
         lever: L, m.
+        allowed: (P, K) orthonormal directions in which the parameters may move.  Where only
+            differences between wheels can be seen (``contrast`` parameters), their common part
+            belongs to another parameter, or to none, and stays where it is.  None allows all.
     """
 
     names: tuple[str, ...]
@@ -48,6 +52,7 @@ class Regression:
     time: np.ndarray
     piece: np.ndarray
     lever: float
+    allowed: np.ndarray | None = None
 
     @property
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
@@ -66,7 +71,8 @@ class Regression:
             pieces.append(part.piece + offset)
             offset = pieces[-1].max() + 1
         stacked = [np.concatenate([getattr(p, name) for p in parts]) for name in ("H", "y", "time")]
-        return cls(parts[0].names, *stacked, np.concatenate(pieces), parts[0].lever)
+        first = parts[0]
+        return cls(first.names, *stacked, np.concatenate(pieces), first.lever, first.allowed)
 
 
 def build_regression(
@@ -105,7 +111,10 @@ def build_regression(
             "the filters need to settle; record longer without gaps"
         )
     H, y, time, piece = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Regression(linear_names(model), H, y, time, piece, model.platform.lever)
+    names = linear_names(model)
+    return Regression(
+        names, H, y, time, piece, model.platform.lever, allowed_directions(names, model)
+    )
 
 
 def linear_names(model: Model) -> tuple[str, ...]:
@@ -115,6 +124,22 @@ def linear_names(model: Model) -> tuple[str, ...]:
         linear = [name for name in active.values if active.effect.parameter_of(name).linear]
         names += [f"{active.identifier}.{name}" for name in linear]
     return tuple(names)
+
+
+def allowed_directions(names: tuple[str, ...], model: Model) -> np.ndarray | None:
+    """(P, K) orthonormal basis that keeps the mean of every contrast parameter fixed, if any."""
+    fixed = []
+    for active in model.effects:
+        for parameter in active.effect.parameters:
+            members = [
+                f"{active.identifier}.{name}"
+                for name in active.values
+                if active.effect.parameter_of(name) is parameter
+            ]
+            row = np.isin(names, members)
+            if parameter.contrast and row.sum() > 1:
+                fixed.append(row / np.sqrt(row.sum()))
+    return null_space(np.array(fixed)) if fixed else None
 
 
 def _columns(
