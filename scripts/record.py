@@ -21,7 +21,7 @@ from youbot_env.simulation import AnalyticPlant, Sensors, WheelLoop
 
 PLANTS = ("analytic", "rollers")
 MOST_ROWS = 1_000_000
-RATES = (10.0, 1000.0)  # Hz; at a lower one the wheels' speed loops would be unstable
+RATES = (25.0, 1000.0)  # Hz; below it the wheel-speed loops of the youBot go unstable
 FASTEST = 3.0  # m/s; the youBot's driver stops at 0.8
 HARMONICS = 5  # times the base frequency, the fastest sine of any motion
 # The sensors resolve 1e-3 of everything; a log without noise is for comparing equations.
@@ -78,7 +78,7 @@ def record(
 
     options = {
         "plant": plant, "model": console.shown(model), "motion": motion, "speed": speed,
-        "frequency": frequency, "seconds": seconds, "rate": rate, "floor-friction": floor_friction,
+        "frequency": frequency, "seconds": seconds, "rate": rate, "floor_friction": floor_friction,
         "seed": seed,
     }  # fmt: skip
     command = canonical_command(options, effect, noise, hide)
@@ -157,7 +157,10 @@ def canonical_command(options: dict, effects: list[str] | None, noise: bool, hid
     words = ["python", "scripts/record.py"]
     for name, value in options.items():
         if value is not None:
-            words += [f"--{name}", f"{value:.15g}" if isinstance(value, float) else str(value)]
+            words += [
+                f"--{name.replace('_', '-')}",
+                f"{value:.15g}" if isinstance(value, float) else str(value),
+            ]
     words += ["--noise" if noise else "--no-noise"]
     for effect in [] if hide else effects or []:
         words += ["--effect", effect]

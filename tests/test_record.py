@@ -185,7 +185,7 @@ BAD = {
     "frequency": (("--frequency", "0"), "0 rad/s: .*more than 0"),
     "frequency above the rate": (("--frequency", "100"), "at most 62.8 rad/s"),
     "seconds": (("--seconds", "inf"), "inf: at 100 Hz give 0.02 to 10000"),
-    "rate": (("--rate", "1"), "1 Hz: give 10 to 1000"),
+    "rate": (("--rate", "1"), "1 Hz: give 25 to 1000"),
     "seed": (("--seed", "-3"), "--seed.*greater than or equal to 0"),
     "rate is text": (("--rate", "fast"), "--rate.*valid number"),
     "floor": (("--floor-friction", "0.3"), "0.3 belongs to --plant rollers.*wheel_slip=0.3"),
