@@ -145,14 +145,19 @@ def identify(
         if observability.rank == 0:
             names = ", ".join(log.name for log in logs)
             raise ValueError(f"no parameter leaves a trace in {names}; record a livelier motion")
-        seen = Seen.of(observability, regression.names, start, model)
+        seen = Seen.of(observability, regression, start, model)
         reduced = seen.reduce(regression)
         found = {"least squares": least_squares(reduced, None, clusters)}
         if instruments:
             rows = [build_regression(log, model, corner, reference_motion).H for log in logs]
-            found["instrumental variables"] = instrumental_variables(
-                reduced, np.concatenate(rows) @ seen.basis, None, clusters
-            )
+            robust = _instrumented(reduced, np.concatenate(rows) @ seen.basis, clusters)
+            if robust is not None:
+                found["instrumental variables"] = robust
+            elif method == "iv":
+                raise ValueError(
+                    "the reference columns do not hold the motion that was driven and cannot "
+                    "serve as instruments; use ls"
+                )
         estimates = {method: seen.restore(estimate) for method, estimate in found.items()}
         chosen = list(estimates)[-1]
         model = with_estimate(prior, estimates[chosen], name)
@@ -208,6 +213,15 @@ def _choose(method: str, logs: list[Log]) -> bool:
             "columns (reference_vx, reference_vy, reference_yaw_rate); record them or use ls"
         )
     return method != "ls" and not without
+
+
+def _instrumented(regression: Regression, rows: np.ndarray, clusters: int) -> Estimate | None:
+    """The instrumental estimate, or None where the instruments leave something unmoved."""
+    try:
+        estimate = instrumental_variables(regression, rows, None, clusters)
+    except np.linalg.LinAlgError:
+        return None
+    return estimate if np.all(estimate.standard_errors > 0) else None
 
 
 def _linear_values(model: Model, names: tuple[str, ...]) -> np.ndarray:

@@ -9,13 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import null_space, orth
+from scipy.linalg import orth
 
 from ident.estimators import Estimate
 from ident.observability import SMALL, Observability, parameter_sizes
 from ident.regression import Regression
 from youbot_env.model import Model
 from youbot_env.parameters import x_scale
+
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -38,19 +40,27 @@ class Seen:
 
     @classmethod
     def of(
-        cls, observability: Observability, names: tuple[str, ...], start: np.ndarray, model: Model
+        cls, observability: Observability, regression: Regression, start: np.ndarray, model: Model
     ) -> Seen:
         """Take the directions from an analysis of the regression; model gives the sizes."""
+        names = regression.names
         scale = np.concatenate([x_scale(model.platform), np.ones(len(names) - 7)])
         sizes, null = parameter_sizes(names, model), observability.null / scale
-        seen = null_space(null / sizes) if len(null) else np.eye(len(names))
+        free = np.eye(len(names))
+        if regression.allowed is not None:
+            free = orth(regression.allowed / sizes[:, None])
+        # Null directions that are not allowed anyway leave rounding only.
+        blind = null / sizes
+        blind /= np.linalg.norm(blind, axis=1, keepdims=True)
+        _, strength, right = np.linalg.svd(blind @ free)
+        seen = free @ right[np.count_nonzero(strength > ROUNDING) :].T
         return cls(names, start, sizes, sizes[:, None] * seen, null)
 
     def reduce(self, regression: Regression) -> Regression:
         """Rows whose unknowns are the coordinates b."""
         y = regression.y - regression.H @ self.start
         names = tuple(f"b{k}" for k in range(self.basis.shape[1]))
-        return replace(regression, names=names, H=regression.H @ self.basis, y=y)
+        return replace(regression, names=names, H=regression.H @ self.basis, y=y, allowed=None)
 
     def restore(self, estimate: Estimate) -> Estimate:
         """Turn an estimate of b into one of the parameters."""

@@ -1,5 +1,7 @@
 """Estimation keeps the prior where the logs see nothing, and says so."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -30,6 +32,13 @@ def test_translation_says_nothing_about_turning(translation, method):
         assert result.parameters[name].source == UNSEEN
         assert name not in result.model.standard_errors
     assert any("cannot be told apart" in words for words in result.observability.words)
+
+
+def test_a_reference_that_was_not_driven_is_no_instrument(translation):
+    still = replace(translation, reference=np.zeros_like(translation.reference))
+    assert identify(still, "nominal").method == "least squares"
+    with pytest.raises(ValueError, match="cannot serve as instruments"):
+        identify(still, "nominal", method="iv")
 
 
 def test_what_translation_does_see_is_right(translation):
