@@ -25,11 +25,6 @@ class Arrangement:
             if k != i or s < 0
         )  # fmt: skip
 
-    def fits(self, cosines: np.ndarray, least: float) -> bool:
-        """Tell whether each column resembles its wheel; NaN says nothing."""
-        signs = np.array(self.signs)
-        return not np.any(signs * cosines[range(len(signs)), list(self.order)] <= least)
-
     def undo(self, values: np.ndarray) -> np.ndarray:
         """Put columns into the order and signs of the platform."""
         result = np.empty_like(values)
@@ -72,3 +67,17 @@ def arrangements(count: int) -> list[Arrangement]:
             orders.append(tuple(order))
     found = [Arrangement(o, s) for o in orders for s in itertools.product((1, -1), repeat=count)]
     return sorted(found, key=lambda arrangement: len(arrangement.changed))
+
+
+def fitting(candidates: list[Arrangement], cosines: np.ndarray, least: float) -> np.ndarray:
+    """Tell for each candidate whether every column resembles its wheel; NaN says nothing.
+
+    Args:
+        candidates: arrangements of n wheels.
+        cosines: (n, n) between column i and wheel k.
+        least: cosine that counts as resemblance.
+    """
+    orders = np.array([candidate.order for candidate in candidates])
+    signs = np.array([candidate.signs for candidate in candidates])
+    found = signs * cosines[np.arange(orders.shape[1]), orders]
+    return ~np.any(found <= least, axis=1)

@@ -23,7 +23,7 @@ class Evidence:
     Attributes:
         signal: (K, n) wheel speeds or drive input.
         motion: (K, 3) body velocities.
-        share: median over wheels of the variance explained.
+        share: of the variance of the signal, what the motion explains.
         axes: (3,) axes heard one by one; none where they move together.
         rows: (n, axes) fingerprint; None where axes move together.
     """
@@ -76,51 +76,62 @@ def hear(signal: np.ndarray, motion: np.ndarray, rates: np.ndarray | None = None
         rates: (K, 3) their derivatives, for torques and voltages.  Contributions of velocity and
             acceleration are added, each times its rms.
     """
-    full = _explained(signal, motion, rates, [0, 1, 2])
-    without = [_explained(signal, motion, rates, [k for k in range(3) if k != axis])
-               for axis in range(3)]  # fmt: skip
+    regressors = motion if rates is None else np.hstack([motion, rates])
+    covariance = _covariance(regressors, signal)
+    width = regressors.shape[1]
+
+    def fit(axes) -> tuple[np.ndarray, np.ndarray]:
+        chosen = [*axes] if rates is None else [*axes, *(k + 3 for k in axes)]
+        return _fit(covariance, chosen, width)
+
+    full = fit(range(3))[1]
+    without = [fit([k for k in range(3) if k != axis])[1] for axis in range(3)]
     axes = np.array([np.max(full - less) > HEARD for less in without])
-    apart = _inflation(motion)[axes].max(initial=np.inf if not axes.any() else 1.0) < COLLINEAR
-    rows = _fingerprint(signal, motion, rates, np.flatnonzero(axes).tolist()) if apart else None
-    return Evidence(signal, motion, float(np.median(full)), axes, rows)
+    rows = None
+    if axes.any() and _inflation(covariance[:3, :3])[axes].max() < COLLINEAR:
+        chosen = np.flatnonzero(axes).tolist()
+        coefficients, scale = fit(chosen)[0], np.sqrt(np.diag(covariance)[chosen])
+        if rates is None:
+            rows = (coefficients / scale[:, None]).T
+        else:
+            rows = (coefficients[: len(chosen)] + coefficients[len(chosen) :]).T
+    # A wheel at rest is all noise, one in another unit all variance: the kinder of two averages.
+    spread = np.diag(covariance)[width:]
+    share = max(np.median(full), full @ spread / (spread.sum() + 1e-300))
+    return Evidence(signal, motion, float(share), axes, rows)
 
 
 def explained(signal: np.ndarray, regressors: np.ndarray) -> np.ndarray:
     """(n,) fraction of the variance of each column that the regressors explain."""
-    return _regress(signal, regressors)[2]
+    width = regressors.shape[1]
+    return _fit(_covariance(regressors, signal), list(range(width)), width)[1]
 
 
-def _explained(signal, motion, rates, axes: list[int]) -> np.ndarray:
-    return explained(signal, _regressors(motion, rates, axes))
+def _covariance(*signals: np.ndarray) -> np.ndarray:
+    columns = np.hstack(signals)
+    columns = columns - columns.mean(axis=0)
+    return columns.T @ columns / len(columns) + 1e-24 * np.eye(columns.shape[1])
 
 
-def _regressors(motion, rates, axes: list[int]) -> np.ndarray:
-    return motion[:, axes] if rates is None else np.hstack([motion[:, axes], rates[:, axes]])
+def _fit(covariance: np.ndarray, chosen: list[int], first: int) -> tuple[np.ndarray, np.ndarray]:
+    """Regress the columns from ``first`` on the chosen ones.
+
+    Returns:
+        coefficients of regressors scaled to unit rms, and the explained fraction of each column.
+    """
+    scale = np.sqrt(np.diag(covariance)[chosen])
+    gram = covariance[np.ix_(chosen, chosen)] / np.outer(scale, scale)
+    cross = covariance[chosen, first:] / scale[:, None]
+    coefficients = np.linalg.solve(gram + RIDGE * np.eye(len(chosen)), cross)
+    gain = np.sum(coefficients * (2 * cross - gram @ coefficients), axis=0)
+    return coefficients, gain / np.diag(covariance)[first:]
 
 
-def _inflation(motion: np.ndarray) -> np.ndarray:
+def _inflation(covariance: np.ndarray) -> np.ndarray:
     """(3,) variance inflation factors: 1 where an axis moves independently of the others."""
-    scaled = (motion - motion.mean(axis=0)) / (np.std(motion, axis=0) + 1e-12)
-    correlation = scaled.T @ scaled / len(scaled)
+    scale = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(scale, scale)
     return np.diag(np.linalg.inv(correlation + 1e-6 * np.eye(len(correlation))))
-
-
-def _fingerprint(signal, motion, rates, axes: list[int]) -> np.ndarray:
-    coefficients, scale, _ = _regress(signal, _regressors(motion, rates, axes))
-    if rates is None:
-        return (coefficients / scale[:, None]).T
-    return (coefficients[: len(axes)] + coefficients[len(axes) :]).T
-
-
-def _regress(signal: np.ndarray, regressors: np.ndarray):
-    """Coefficients of regressors scaled to unit rms, their rms, and the explained fractions."""
-    scale = np.std(regressors, axis=0) + 1e-12
-    scaled = (regressors - regressors.mean(axis=0)) / scale
-    centred = signal - signal.mean(axis=0)
-    gram = scaled.T @ scaled / len(scaled) + RIDGE * np.eye(scaled.shape[1])
-    coefficients = np.linalg.solve(gram, scaled.T @ centred / len(scaled))
-    left = np.var(centred - scaled @ coefficients, axis=0)
-    return coefficients, scale, 1 - left / (np.var(centred, axis=0) + 1e-300)
 
 
 def _cosines(found: np.ndarray, expected: np.ndarray) -> np.ndarray:

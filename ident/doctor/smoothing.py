@@ -9,7 +9,7 @@ import numpy as np
 from ident.doctor.record import Record
 
 WINDOW = 0.1  # s to either side
-MOST_ROWS = 4000
+MOST_ROWS = 2000
 BODY_SOURCES = ("body_velocity", "pose", "reference")
 
 

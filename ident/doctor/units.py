@@ -11,6 +11,7 @@ from ident.doctor.smoothing import BODY_SOURCES, smooth
 MATCH = 0.08  # relative distance from the factor of a unit
 CLEAR = 0.8  # share of the wheel speeds a source must explain; noise makes it look larger
 NEAR = {"body_velocity": 1.35, "pose": 1.35, "reference": 1.6}  # gains that are no unit error
+FAR = 2.0  # of a measured body velocity: refused
 WHEEL_REFUSED, WHEEL_TOLD = 1.5, 1.15  # one wheel against the others
 COMMON = {"measured": 1.5, "reference": 2.5}  # all wheels against others that say less or more
 SINGLE_UNITS = ("rpm", "deg/s")  # what one wheel alone may be in
@@ -107,7 +108,8 @@ def _wheels(record: Record, gains: dict[str, np.ndarray]) -> None:
     common = _unit(typical, units)
     if common and all(_unit(float(np.nanmedian(size)), units) == common for size in each.values()):
         record.set("wheel_velocity", record.channels["wheel_velocity"] / units[common])
-        record.fixed(f"{typical:.4g} times too large: {common}", where, "turned into rad/s")
+        what = f"wheel speeds are {typical:.4g} times what {' and '.join(each)} say: {common}"
+        record.fixed(what, where, "turned into rad/s")
         sizes, typical = sizes / units[common], typical / units[common]
     limit = COMMON["reference" if set(each) == {"reference"} else "measured"]
     if not 1 / limit < typical < limit:
@@ -188,7 +190,8 @@ def _compare(record: Record, source: str, axes: np.ndarray, witness: str) -> Non
     wrong = [k for k in range(3) if not (np.isnan(axes[k]) or 1 / near < axes[k] < near)]
     if not wrong:
         return
-    tell = record.refuse if source == "body_velocity" else record.warn
+    far = max(max(axes[k], 1 / axes[k]) for k in wrong) > FAR
+    tell = record.refuse if far and source == "body_velocity" else record.warn
     tell(
         f"{source} is {', '.join(f'{axes[k]:.3g}' for k in wrong)} times as large as {witness} say",
         record.name(source, wrong),

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ident.doctor.arrangement import Arrangement, arrangements
+from ident.doctor.arrangement import Arrangement, arrangements, fitting
 from ident.doctor.evidence import Evidence, explained, hear
 from ident.doctor.record import Record
 from ident.doctor.smoothing import BODY_SOURCES, Smooth
@@ -114,7 +114,8 @@ class Witnesses:
         """Arrangements that all tables allow; the right one where nothing is said."""
         if not tables:
             return self.all[:1]
-        return [a for a in self.all if all(a.fits(table, ALIKE) for table in tables)]
+        fits = np.all([fitting(self.all, table, ALIKE) for table in tables], axis=0)
+        return [self.all[k] for k in np.flatnonzero(fits)]
 
     def faults(self) -> list[Fault]:
         """All faults that explain the log, the simplest ones only; the empty fault if it does.
