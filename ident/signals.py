@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 
 from ident.filters import delayed_hold
 from ident.log import Log
-from youbot_env.backend import NUMPY
+from youbot_env.backend import NUMPY, casadi_ops
+from youbot_env.compiled import Hidden
 from youbot_env.dynamics import factorize, solve
 from youbot_env.effects.base import Signals
 from youbot_env.model import Model
@@ -116,17 +119,48 @@ def _deliver(robot: Robot, structure: Structure, s: Signals) -> tuple:
                   if effect.acts("drive"))  # fmt: skip
     if not carries:
         return robot.deliver(s, rest, 0.0, NUMPY)[0]
-    count = len(s.t)
-    command = np.array(s.command)
-    delivered = np.empty_like(command)
     steps = np.append(np.diff(s.t), s.t[-1] - s.t[-2])
-    internal = rest
-    for k in range(count):
-        now = _rows(s, k)
-        # The torque half way through the interval stands for its mean.
-        delivered[:, k], _ = robot.deliver(now, internal, 0.5 * steps[k], NUMPY)
-        _, internal = robot.deliver(now, internal, steps[k], NUMPY)
-    return tuple(delivered)
+    along = _drive_function(structure.key, len(s.t), Hidden(structure))
+    parts = [(*s.v, *s.wheel_angle), s.command, (np.asarray(s.t) + 0.0 * steps,), (steps,)]
+    inputs = [np.array([np.broadcast_to(c, len(s.t)) for c in part]) for part in parts]
+    values = np.array(robot.values)
+    return tuple(np.asarray(along(*inputs[:2], values, *inputs[2:])))
+
+
+@lru_cache(maxsize=16)
+def _drive_function(key: tuple, count: int, hidden: Hidden) -> ca.Function:
+    """Torques delivered in each of ``count`` intervals by a drive that carries states.
+
+    The torque half way through an interval stands for its mean.
+    """
+    structure, ops = hidden.structure, casadi_ops()
+    wheels = len(structure.platform.wheels)
+    angles = wheels if structure.track_wheels else 0
+    rest = structure.rest().internal
+    state = ca.SX.sym("state", sum(map(len, rest)))
+    motion, command = ca.SX.sym("motion", 3 + angles), ca.SX.sym("command", wheels)
+    values = ca.SX.sym("values", structure.value_count)
+    clock, step = ca.SX.sym("clock"), ca.SX.sym("step")
+    robot, moved = structure.bind(ca.vertsplit(values)), ca.vertsplit(motion)
+    given, internal = iter(ca.vertsplit(state)), []
+    for part in rest:
+        internal.append(tuple(next(given) for _ in part))
+    torque = tuple(ca.vertsplit(command))
+    s = robot.signals(clock, tuple(moved[:3]), (0.0,) * 3, tuple(moved[3:]), torque, ops)
+    delivered, _ = robot.deliver(s, tuple(internal), 0.5 * step, ops)
+    _, after = robot.deliver(s, tuple(internal), step, ops)
+    one = ca.Function(
+        "drive",
+        [state, motion, command, values, clock, step],
+        [ca.vertcat(*sum(after, ())), ca.vertcat(*delivered)],
+    ).mapaccum("drives", count)
+    inputs = [ca.MX.sym(name, size, count) for name, size in
+              (("motion", 3 + angles), ("command", wheels), ("clock", 1), ("step", 1))]  # fmt: skip
+    flat = ca.MX.sym("values", structure.value_count)
+    motion, command, clock, step = inputs
+    start = ca.DM.zeros(state.numel())
+    shown = one(start, motion, command, ca.repmat(flat, 1, count), clock, step)[1]
+    return ca.Function("delivered", [motion, command, flat, clock, step], [shown])
 
 
 def _rows(s: Signals, rows) -> Signals:

@@ -97,15 +97,21 @@ class Structure:
             chosen = dict(zip(names, values[at : at + len(names)], strict=True))
             bound.append((index, effect, effect.arrange(chosen, self.platform)))
             at += len(names)
-        return Robot(self.platform, theta, bound)
+        return Robot(self.platform, theta, bound, values)
 
 
 class Robot:
     """A structure with values: evaluates delivered torques, accelerations and wheel speeds."""
 
-    def __init__(self, platform: Platform, theta: Theta, bound: list[tuple[int, Effect, Any]]):
+    def __init__(
+        self,
+        platform: Platform,
+        theta: Theta,
+        bound: list[tuple[int, Effect, Any]],
+        values: tuple,
+    ):
         self.platform, self.theta, self.geometry = platform, theta, platform.geometry
-        self.effects = bound
+        self.effects, self.values = bound, values
         self._hooks = {
             hook: sorted(
                 (entry for entry in bound if entry[1].acts(hook)), key=lambda e: e[1].order

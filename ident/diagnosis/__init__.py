@@ -1,0 +1,1 @@
+"""Which physical effect is missing: candidates, verdicts and the experiment that separates them."""
