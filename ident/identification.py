@@ -134,7 +134,7 @@ def identify(
     logs = [logs] if isinstance(logs, Log) else list(logs)
     prior = load_model(model)
     effects = dict.fromkeys(add) if isinstance(add, tuple | list) else dict(add)
-    prior = prior.with_effects(effects) if effects else prior
+    prior = _with_added(prior, effects) if effects else prior
     prior = replace(prior, platform=logs[0].platform)
     instruments = _choose(method, logs)
     model = prior
@@ -191,6 +191,21 @@ def identify(
         test=test,
         refinement=refinement,
     )
+
+
+def _with_added(model: Model, effects: dict[str, Any]) -> Model:
+    """The model with effects; contrasts of which nothing was said start from equal wheels.
+
+    Their common part is never estimated, so a typical size would stay in it.
+    """
+    model = model.with_effects(effects)
+    values = list(model.values())
+    for k, name in enumerate(model.names()[7:], start=7):
+        identifier, flat = name.split(".")
+        effect = next(a.effect for a in model.effects if a.identifier == identifier)
+        if effects.get(identifier, 0.0) is None and effect.parameter_of(flat).contrast:
+            values[k] = 0.0
+    return model.with_values(values)
 
 
 def with_estimate(model: Model, estimate: Estimate, name: str) -> Model:

@@ -52,3 +52,10 @@ def test_what_translation_does_see_is_right(translation):
     covariance = np.array(result.model.covariance)
     assert np.all(np.isfinite(covariance))
     assert result.model.parameters.problems(result.model.platform) == []
+
+
+def test_unequal_gains_start_from_equal_wheels(translation):
+    result = identify(translation, "nominal", add=("torque_gain",), method="ls")
+    gains = [q.value for q in result.effects["torque_gain"].values()]
+    assert sum(gains) == pytest.approx(0.0, abs=1e-9)
+    assert max(map(abs, gains)) < 0.02  # the true gains are equal

@@ -1,0 +1,229 @@
+"""Identify the parameters of a platform from measured logs."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import console
+import typer
+
+from ident.identification import identify
+from ident.log import Log
+from ident.quantities import UNSEEN
+from ident.report.identify import identification_page
+from ident.report.outcome import (
+    Outcome,
+    agreement,
+    agreement_note,
+    effect_rows,
+    error_rows,
+    lump_rows,
+    parameter_rows,
+)
+from youbot_env.model_file import load_model, save_model
+from youbot_env.platform import Platform
+
+LOGS = console.ROOT / "logs"
+INDENT = {"initial_indent": "  - ", "subsequent_indent": "    "}
+FIT, TEST = LOGS / "youbot_fit.csv", LOGS / "youbot_test.csv"
+
+
+def main(
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[LOG ...]", help="Logs to fit; the bundled one if left."),
+    ] = None,
+    model: Annotated[
+        str, typer.Option(help="Model to start from: model file, nominal or paper.")
+    ] = "nominal",
+    add: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="EFFECT[=VALUE]",
+            help="Estimate an effect of docs/effects.md too, from VALUE on; may be repeated.",
+        ),
+    ] = None,
+    test: Annotated[
+        Path | None, typer.Option(metavar="LOG", help="Log to judge by, kept out of the fit.")
+    ] = None,
+    method: Annotated[
+        str,
+        typer.Option(help="auto, ls (least squares), iv (instruments) or free-run."),
+    ] = "auto",
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The identified model, YAML.")] = Path(
+        "models/identified.yaml"
+    ),
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
+    ] = None,
+    json_file: console.Json = None,
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map", metavar="NAME=COLUMN", help="Column of a foreign header; may be repeated."
+        ),
+    ] = None,
+    platform: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODELFILE", help="Model file with the wheel table; --model's if left."
+        ),
+    ] = None,
+    kt: Annotated[
+        float | None, typer.Option(help="Torque constant, N m/A, where a log holds currents.")
+    ] = None,
+    gear: Annotated[
+        float | None, typer.Option(help="Motor turns per wheel turn, where a log holds currents.")
+    ] = None,
+) -> None:
+    """Identify the parameters of a platform from measured logs.
+
+    Nothing in it is random: equal logs give equal results.
+    """
+    page_file = None if report is None else report / "index.html"
+    console.check_writable(out, json_file, page_file)
+    if not logs:
+        logs, test = [FIT], test or TEST
+    before = load_model(model)
+    added = console.parse_effects(add)
+    columns = parse_mapping(mapping)
+    table = before.platform if platform is None else load_model(platform).platform
+    with console.progress("identifying", 4, "steps") as show:
+        measured = [read_log(path, table, columns, kt, gear) for path in logs]
+        untouched = None if test is None else read_log(test, table, columns, kt, gear)
+        refuse_double([*measured, *([] if untouched is None else [untouched])])
+        show(1)
+        result = identify(measured, before, added, untouched, method, name=out.stem)
+        show(2)
+        outcome = Outcome.of(result, before)
+        show(3)
+        history = console.provenance(
+            logs={log.source: log.digest for log in result.logs},
+        )
+        history = {key: value for key, value in history.items() if key != "seed"}
+        history |= {"method": result.method, "start": before.name}
+        if untouched is not None:
+            history["test_log"] = {untouched.source: untouched.digest}
+        page = None if report is None else identification_page(outcome, in_words(history))
+        show(4)
+    usable = not outcome.problems
+    if usable:
+        save_model(replace(result.model, provenance=history), out)
+    written = {"model": console.shown(out) if usable else None}
+    console.write_json(json_file, result.as_dict() | outcome.as_dict() | written
+                       | {"provenance": history})  # fmt: skip
+    address = None if page is None else page.write(report)
+    tell(outcome, out if usable else None, address)
+    if not usable:
+        raise console.CheckFailed(
+            f"{out} is not written, the identified model cannot be used: "
+            + "; ".join(outcome.problems)
+        )
+
+
+def read_log(
+    path: Path, platform: Platform, mapping: dict[str, str], kt: float | None, gear: float | None
+) -> Log:
+    """Read a log; a log that is not there is told with what to do."""
+    if not path.exists():
+        raise ValueError(
+            f"no log {console.shown(path)!r}; check the name, or record one with "
+            "python scripts/record.py"
+        )
+    return Log.load(path, platform, mapping or None, kt, gear)
+
+
+def parse_mapping(arguments: list[str] | None) -> dict[str, str]:
+    """Turn ``NAME=COLUMN`` arguments into a mapping of log names to columns."""
+    mapping: dict[str, str] = {}
+    for argument in arguments or ():
+        name, given, column = (part.strip() for part in argument.partition("="))
+        if not (name and given and column):
+            raise ValueError(f"--map {argument}: write NAME=COLUMN, as in --map time=stamp")
+        if name in mapping:
+            raise ValueError(f"--map {argument}: {name} is given twice; leave one out")
+        mapping[name] = column
+    return mapping
+
+
+def refuse_double(logs: list[Log]) -> None:
+    """Refuse a log that is given twice: it would count double, or judge what it has taught."""
+    seen: dict[str, str] = {}
+    for log in logs:
+        if log.digest in seen:
+            raise ValueError(
+                f"logs {seen[log.digest]} and {log.source} are the same record; leave one out, and "
+                "judge by one that is not fitted"
+            )
+        seen[log.digest] = log.source
+
+
+def in_words(history: dict) -> dict[str, str]:
+    """Provenance as name and text."""
+    lines = {
+        name.replace("_", " "): ", ".join(f"{k} {v}" for k, v in value.items())
+        if isinstance(value, dict)
+        else str(value)
+        for name, value in history.items()
+    }
+    return {name: text for name, text in lines.items() if text and text != "None"}
+
+
+def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
+    """Say what was found: the verdict, then what it rests on."""
+    result = outcome.result
+    console.out.print(outcome.verdict, style="bold", soft_wrap=True)
+    heads = ("", outcome.label, "identified", "95 % interval", "unit")
+    rows = [
+        (*row[:5], "prior" if row[5] == UNSEEN else "fit", row[6])
+        for row in parameter_rows(outcome)
+    ]
+    console.out.print()
+    console.table(f"Parameters, by {result.method}", (*heads, "source", "doubt"), rows)
+    if result.effects:
+        console.out.print()
+        console.table("Effects", heads, [row[:5] for row in effect_rows(outcome)])
+    section("Doubts", [f"({k}) {doubt}" for k, doubt in enumerate(result.doubts, 1)])
+    console.out.print()
+    console.table("Known better than the single inertias", heads, lump_rows(outcome))
+    console.out.print()
+    head, rows = agreement(outcome)
+    short = [(row[0].rpartition(".")[2], *row[1:]) for row in rows]
+    console.table("Estimators", head, short)
+    console.out.print(agreement_note(result), soft_wrap=True)
+    console.out.print()
+    head = ("axis", "unit", "rms", f"error, {outcome.label}", "error, identified")
+    console.table(f"Free run on {outcome.log.name}", head, error_rows(outcome))
+    seen = result.observability
+    words = f"\n{seen.rank} of {len(seen.names)} parameter directions seen"
+    if math.isfinite(seen.condition):
+        words += f", condition number {seen.condition:.3g}"
+    console.out.print(words)
+    section("Undetermined by these logs", seen.words)
+    section("Invisible to logs of this kind", result.invisible)
+    logs = [*result.logs, *([] if result.test is None else [result.test])]
+    section("Log doctor", [f"{log.name}: {f}" for log in logs for f in log.findings])
+    if not outcome.untouched:
+        section("Advice", ["give a log that is not fitted with --test to judge by"])
+    console.out.print()
+    if model is not None:
+        console.out.print(f"model: {model}", soft_wrap=True)
+    hint = "add --report DIR for the page with the figures" if page is None else f"page: {page}"
+    console.out.print(hint, soft_wrap=True)
+
+
+def section(title: str, sentences: list[str]) -> None:
+    """Print sentences under a title, or nothing when there are none."""
+    if sentences:
+        console.out.print(f"\n{title}")
+        for sentence in sentences:
+            width = console.out.width - 1
+            console.out.print(textwrap.fill(sentence, width, **INDENT), soft_wrap=True)
+
+
+if __name__ == "__main__":
+    console.run(main, "mine.csv --test other.csv --out mine.yaml --report report")
