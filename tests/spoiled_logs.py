@@ -207,6 +207,9 @@ MUTATIONS: dict[str, tuple[Callable, str, str]] = {
     "time in us": (scale(1e6, "time"), "fixed", ": us; turned into s"),
     "time in ns": (scale(1e9, "time"), "fixed", ": ns; turned into s"),
     "time in minutes": (scale(1 / 60, "time"), "refused", "median time step is 0.000167"),
+    "one sample a second": (
+        rows(lambda k: k[::100]), "refused", r"step is 1; .*time \[ms\]"
+    ),
     "time in hours": (scale(1 / 3600, "time"), "refused", "median time step"),
     # time
     "time stands still": (put("time", slice(None), 1.0), "refused", "time stands still"),
@@ -235,6 +238,9 @@ MUTATIONS: dict[str, tuple[Callable, str, str]] = {
     "nan cells": (cell(57, 3, "NaN"), "fixed", "line 57, column wheel_velocity_rl: 1 missing"),
     "an infinite cell": (cell(57, 6, "inf"), "fixed", "line 57, column wheel_torque_fr: 1 missing"),
     "a second missing": (missing(V[1], range(700, 800)), "fixed", "100 samples in 1 stretches"),
+    "islands between missing stretches": (
+        missing(V[1], [*range(700, 710), *range(714, 724)]), "fixed", "less than 10 samples"
+    ),
     "half a column missing": (missing(M[0], range(0, 4000, 2)), "refused", "50% of the column"),
     "a column empty": (missing(M[0], range(4000)), "refused", "4000 missing"),
     "pose missing for a while": (missing("x", range(300, 600)), "told", "pose is left out"),

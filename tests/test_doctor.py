@@ -71,6 +71,43 @@ def test_mutation_is_never_silent(tmp_path, name):
         assert difference(log) < SILENT
 
 
+def shuffled(frame: pl.DataFrame) -> pl.DataFrame:
+    return frame.select(sorted(frame.columns, key=lambda name: name[::-1]))
+
+
+def lines_of(frame: pl.DataFrame) -> list[str]:
+    return text_of(frame).splitlines()
+
+
+HARMLESS = {
+    "byte order mark": lambda f: b"\xef\xbb\xbf" + text_of(f).encode(),
+    "Windows line ends": lambda f: text_of(f).replace("\n", "\r\n"),
+    "UTF-16": lambda f: text_of(f).encode("utf-16"),
+    "scientific notation": lambda f: f.write_csv(float_scientific=True),
+    "separators at the end of rows": lambda f: text_of(f).replace("\n", ",\n"),
+    "separators at the end of all rows but the names": lambda f: "\n".join(
+        [lines_of(f)[0], *(line + "," for line in lines_of(f)[1:])]
+    ),
+    "no line end at the end": lambda f: text_of(f).rstrip("\n"),
+    "blank lines": lambda f: text_of(f).replace("\n", "\n\n"),
+    "comments": lambda f: "# made by hand\n" + text_of(f).replace("\n10.", "\n# ten\n10."),
+    "capital letters": lambda f: text_of(f.rename(str.title)),
+    "spaces": lambda f: text_of(f).replace(",", ", "),
+    "quotes": lambda f: f.write_csv(quote_style="always"),
+    "names of the driver": lambda f: text_of(f).replace("_rl", "_bl").replace("_rr", "_br"),
+    "another order of columns": lambda f: text_of(shuffled(f)),
+    "absolute time": lambda f: text_of(f.with_columns(pl.col("time") + 1.7e9)),
+    "an inertial sensor": lambda f: text_of(f.with_columns(imu_ax=pl.lit(0.1))),
+}
+
+
+@pytest.mark.parametrize("name", HARMLESS)
+def test_dialect_changes_nothing(tmp_path, name):
+    log = load(tmp_path, HARMLESS[name](good_frame()))
+    assert not log.findings
+    assert difference(log) < 1e-5
+
+
 def test_strict_refuses_what_is_only_told(tmp_path):
     spoil, _, words = MUTATIONS["speed with an offset"]
     with pytest.raises(LogError, match=words):

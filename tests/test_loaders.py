@@ -5,33 +5,15 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from foreign_logs import JOINTS, make, write_bag, write_duty, write_traces
 
 from ident.doctor import LogError
 from ident.loaders import find_loader, loaders
 from ident.log import Log
-from youbot_env.platform import omni3, youbot
+from youbot_env.platform import omni3
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
-RAW = np.array([-1.0, 1.0, -1.0, 1.0])  # driver value = sign * paper value: fl, fr, bl, br
-JOINTS = [f"wheel_joint_{corner}" for corner in ("fl", "fr", "bl", "br")]
 CHANNELS = ("wheel_velocity", "wheel_torque", "reference", "pose")
-
-
-def make(count: int = 1500, dt: float = 0.02, platform=None) -> Log:
-    """A motion on all axes with the torques of 40 kg and viscous friction."""
-    platform = platform or youbot()
-    t = 100.0 + np.arange(count) * dt
-    rates, sizes = np.array([0.9, 1.3, 0.7]), np.array([0.3, 0.2, 0.5])
-    v = sizes * np.sin(rates * t[:, None] + [0.0, 1.0, 2.0])
-    a = sizes * rates * np.cos(rates * t[:, None] + [0.0, 1.0, 2.0])
-    wrench = v * [190.0, 400.0, 42.0] + a * [45.0, 45.0, 6.0]
-    pose = np.zeros((count, 3))
-    pose[:, 2] = np.cumsum(v[:, 2]) * dt
-    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-    pose[:, 0] = np.cumsum(c * v[:, 0] - s * v[:, 1]) * dt
-    pose[:, 1] = np.cumsum(s * v[:, 0] + c * v[:, 1]) * dt
-    J = platform.jacobian_array
-    return Log("made", platform, t, v @ J.T, None, wrench @ np.linalg.pinv(J), None, v, pose)
 
 
 def assert_same(log: Log, good: Log, tolerance: float = 1e-9) -> None:
@@ -141,15 +123,6 @@ def test_currents_of_another_platform_need_their_constants(tmp_path):
     np.testing.assert_allclose(log.wheel_torque, good.wheel_torque, atol=1e-9)
 
 
-def write_duty(path: Path, good: Log, battery: np.ndarray, scale: float = 1.0) -> Path:
-    columns = {"time": good.time, "battery_voltage": battery}
-    for column, wheel in enumerate(good.platform.wheel_names):
-        columns[f"wheel_velocity_{wheel}"] = good.wheel_velocity[:, column]
-        columns[f"wheel_duty_{wheel}"] = 0.08 * good.wheel_velocity[:, column] * scale
-    pl.DataFrame(columns).write_csv(path)
-    return path
-
-
 def test_duty_becomes_voltage_and_dead_battery_samples_are_repaired(tmp_path):
     good, battery = make(), np.full(1500, 12.0)
     battery[:5] = 0.0
@@ -184,74 +157,6 @@ def test_parquet(tmp_path):
         Log.load(tmp_path / "cut.parquet")
 
 
-def write_bag(path: Path, good: Log, kind: str, offset: float = 0.0) -> Path:
-    """Write what the stock driver publishes: casters, the arm on the same topic, raw signs."""
-    from rosbags.typesys import Stores, get_typestore
-
-    if kind == "ros1":
-        from rosbags.rosbag1 import Writer
-
-        store, writer = get_typestore(Stores.ROS1_NOETIC), Writer(path)
-    else:
-        from rosbags.rosbag2 import StoragePlugin, Writer
-
-        store = get_typestore(Stores.ROS2_HUMBLE)
-        plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
-        writer = Writer(path, version=9, storage_plugin=plugin)
-    types = store.types
-    serialize = store.serialize_ros1 if kind == "ros1" else store.serialize_cdr
-    time_type = types["builtin_interfaces/msg/Time"]
-
-    def header(stamp: float):
-        nanoseconds = round(stamp * 1e9)
-        values = {"stamp": time_type(nanoseconds // 10**9, nanoseconds % 10**9), "frame_id": "odom"}
-        if kind == "ros1":
-            values["seq"] = 0
-        return types["std_msgs/msg/Header"](**values)
-
-    def vector(name: str, x: float, y: float, z: float):
-        return types[f"geometry_msgs/msg/{name}"](x, y, z)
-
-    with writer:
-        kinds = {
-            "/joint_states": "sensor_msgs/msg/JointState",
-            "/cmd_vel": "geometry_msgs/msg/Twist",
-            "/odom": "nav_msgs/msg/Odometry",
-        }
-        links = {t: writer.add_connection(t, k, typestore=store) for t, k in kinds.items()}
-
-        def write(topic: str, stamp: float, message) -> None:
-            writer.write(links[topic], round(stamp * 1e9), serialize(message, kinds[topic]))
-
-        position = np.cumsum(good.wheel_velocity, axis=0) * good.dt
-        state = types["sensor_msgs/msg/JointState"]
-        names = [*JOINTS, *(joint.replace("wheel", "caster") for joint in JOINTS)]
-        zeros = np.zeros(4)
-        for row, t in enumerate(good.time):
-            now = t + offset
-            # The command arrives before the sample at which it is in force.
-            twist = types["geometry_msgs/msg/Twist"](
-                vector("Vector3", *good.reference[row, :2], 0.0),
-                vector("Vector3", 0.0, 0.0, good.reference[row, 2]),
-            )
-            write("/cmd_vel", now - 1e-3, twist)
-            arm = state(header(t), ["arm_joint_1"], np.ones(1), np.ones(1), np.ones(1))
-            write("/joint_states", now, arm)
-            values = (position[row], good.wheel_velocity[row] * RAW, good.wheel_torque[row] * RAW)
-            values = [np.concatenate([v, zeros]) for v in values]
-            order = np.roll(np.arange(8), row % 8)  # joints are found by name
-            base = state(header(t), [names[k] for k in order], *(v[order] for v in values))
-            write("/joint_states", now, base)
-            x, y, yaw = good.pose[row]
-            turn = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2))
-            pose = types["geometry_msgs/msg/Pose"](vector("Point", x, y, 0.0), turn)
-            pose = types["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36))
-            still = types["geometry_msgs/msg/TwistWithCovariance"](twist, np.zeros(36))
-            odometry = types["nav_msgs/msg/Odometry"](header(t), "base_link", pose, still)
-            write("/odom", now, odometry)
-    return path
-
-
 @pytest.mark.parametrize("kind", ["ros1", "sqlite3", "mcap"])
 def test_bags(tmp_path, kind):
     good = make(800)
@@ -277,24 +182,6 @@ def test_bag_without_base_names_the_joints(tmp_path):
     path = write_bag(tmp_path / "run.bag", make(100), "ros1")
     with pytest.raises(LogError, match="wheel_joint_left"):
         Log.load(path, omni3())
-
-
-def write_traces(folder: Path, good: Log, names: list[str]) -> Path:
-    for column, name in enumerate(names):
-        values = np.full((len(good.time), 29), np.nan)
-        values[:, 0] = (good.time - good.time[0]) * 1000 + 0.2 * column
-        raw = RAW[column]
-        values[:, 8] = raw * np.cumsum(good.wheel_velocity[:, column]) * good.dt
-        values[:, 10] = raw * good.wheel_velocity[:, column]
-        values[:, 13] = raw * good.wheel_torque[:, column]
-        values[:, 15:] = 0
-        place = folder / name
-        place.mkdir(parents=True)
-        (place / "ParametersAtBegin").write_text(f"Name: {name}\n")
-        header = f"# Name: {name}\n# Firmware 1.48 \n# time [milliseconds] angle setpoint [rad] ..."
-        rows = "\n".join(" ".join(f"{value:.9g}" for value in row) + " " for row in values)
-        (place / "jointDataTrace").write_text(f"{header}\n{rows}\n")
-    return folder
 
 
 @pytest.mark.parametrize("names", [JOINTS, ["Joint_1", "Joint_2", "Joint_3", "Joint_4"]])
@@ -330,6 +217,47 @@ def test_unknown_format_and_missing_file_are_named(tmp_path):
 def test_every_loader_has_its_own_name_and_title():
     assert len({loader.identifier for loader in loaders()}) == len(loaders()) >= 5
     assert all(loader.title for loader in loaders())
+
+
+NEW_FORMAT = """
+import numpy as np
+from ident.loaders.base import Loader, Table, head
+
+class MineLoader(Loader):
+    identifier, title, priority = "mine", "my format", 5
+
+    def recognises(self, path):
+        return head(path, 4) == b"MINE"
+
+    def read(self, path, platform):
+        values = np.frombuffer(path.read_bytes()[4:]).reshape(-1, 9)
+        columns = {f"c{k}": values[:, k] for k in range(9)}
+        table = Table(columns, np.arange(1, len(values) + 1), "row")
+        channels, wheels = ("wheel_velocity", "wheel_torque"), platform.wheel_names
+        names = [f"{channel}_{wheel}" for channel in channels for wheel in wheels]
+        table.names = {"time": "c0", **{name: f"c{k}" for k, name in enumerate(names, 1)}}
+        table.names["wheel_velocity_fl"] = "-c1 [rpm]"
+        return table
+"""
+
+
+def test_new_file_in_the_folder_is_a_new_format(tmp_path, monkeypatch):
+    import ident.loaders
+
+    (tmp_path / "mine_of_the_test.py").write_text(NEW_FORMAT)
+    monkeypatch.setattr(ident.loaders, "__path__", [*ident.loaders.__path__, str(tmp_path)])
+    loaders.cache_clear()
+    good = make()
+    speeds = good.wheel_velocity * [-30 / np.pi, 1, 1, 1]
+    values = np.column_stack([good.time, speeds, good.wheel_torque])
+    path = tmp_path / "log.mine"
+    path.write_bytes(b"MINE" + values.tobytes())
+    try:
+        log = Log.load(path)
+    finally:
+        loaders.cache_clear()
+    np.testing.assert_allclose(log.wheel_velocity, good.wheel_velocity, atol=1e-9)
+    np.testing.assert_allclose(log.wheel_torque, good.wheel_torque, atol=1e-9)
 
 
 # Real logs, where they are at hand

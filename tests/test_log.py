@@ -1,5 +1,8 @@
 """The log object: shapes, derived quantities, cutting, writing and reading back."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -75,7 +78,7 @@ def test_pieces_and_parts():
 
 def test_save_and_load_return_the_same_numbers(tmp_path):
     straight = np.outer(np.arange(2000) * 0.01, [0.3, 0.1, 0.0])
-    log = make(pose=straight, reference=None, body_velocity=np.zeros((2000, 3)) + [0.3, 0.1, 0.0])
+    log = make(pose=straight, reference=None, body_velocity=np.tile([0.3, 0.1, 0.0], (2000, 1)))
     path = log.save(tmp_path / "deep" / "log.csv")
     again = Log.load(path)
     for channel in ("time", "wheel_velocity", "wheel_torque", "body_velocity", "pose"):
@@ -103,3 +106,11 @@ def test_digest_follows_the_content(tmp_path):
     make(2001).save(tmp_path / "c.csv")
     a, b, c = (Log.load(tmp_path / f"{name}.csv").digest for name in "abc")
     assert a == b != c
+
+
+def test_example_of_the_documentation_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    make(3000).save("run.csv")
+    page = (Path(__file__).parents[1] / "docs" / "logs.md").read_text()
+    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], {})
+    assert Path("clean.csv").is_file()

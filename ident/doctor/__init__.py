@@ -10,6 +10,7 @@ from ident.doctor.drive import check_drive
 from ident.doctor.effort import check_effort
 from ident.doctor.finding import Finding, LogError
 from ident.doctor.motion import check_length, check_motion, check_velocity
+from ident.doctor.pieces import check_pieces
 from ident.doctor.positions import check_positions
 from ident.doctor.record import Record
 from ident.doctor.signs import check_signs
@@ -29,6 +30,7 @@ CHECKS = (
     check_drive,
     check_length,
     check_stuck,
+    check_pieces,
     check_spikes,
     check_positions,
     check_angle,

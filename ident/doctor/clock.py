@@ -8,6 +8,7 @@ from ident.doctor.record import Record
 
 FASTEST, SLOWEST = 5e-4, 0.5  # s, what a sample time of a wheel log can be
 UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+UNCLEAR, AN_HOUR = 2.0, 3600.0  # s
 GAP = 4.5  # median sample times: more is a gap
 FEW = 0.01  # fraction of time stamps that may be wrong
 
@@ -42,12 +43,14 @@ def _unit(record: Record) -> None:
     if FASTEST <= step <= SLOWEST:
         return
     fits = [unit for unit, scale in UNITS.items() if FASTEST <= step * scale <= SLOWEST]
-    if step < FASTEST or not fits:
+    # Steps of 1 could be a slow log in s as well as a fast one in ms; a long one is in ms.
+    unclear = step < UNCLEAR and step * len(record.time) < AN_HOUR
+    if step < FASTEST or not fits or unclear:
         record.refuse(
             f"the median time step is {step:.6g}; as seconds that is {1 / step:.6g} samples a "
             "second",
             "column time",
-            f"give time in s with steps of {FASTEST} to {SLOWEST} s",
+            f"give time in s with steps of {FASTEST} to {SLOWEST} s, or its unit: time [ms]",
         )
         return
     record.time = (record.time - record.time[0]) * UNITS[fits[0]]

@@ -46,12 +46,15 @@ def examine_columns(
     record = Record(source, platform, np.empty(0), table.lines, table.unit_of_place)
     record.findings = list(table.findings)
     numbers = {}
+    turned: dict[str, list[str]] = {}
     for name, (column, factor, unit) in chosen.items():
         numbers[name] = factor * _numbers(table.columns[column], column, record)
-        if unit and unit not in ("rad/s", "m", "m/s", "rad", "s", "N m", "Nm", "A", "V"):
-            record.fixed(f"the unit is {unit}", f"column {column}", "turned into SI")
-        elif factor < 0:
-            record.fixed("the mapping asks for the other sign", f"column {column}", "negated")
+        if abs(factor) != 1:
+            turned.setdefault(f"the unit is {unit}: turned into SI", []).append(column)
+        if factor < 0:
+            turned.setdefault("negated as the mapping asks", []).append(column)
+    for what, columns in turned.items():
+        record.fixed(what, "columns " + ", ".join(columns), "used like this")
     record.stop_on_error()
     if missing:
         names = list(table.columns)
@@ -79,7 +82,8 @@ def examine_columns(
             record.columns[channel] = tuple(chosen[name][0] for name in names)
     record.stop_on_error()
     used = {column for column, _, _ in chosen.values()}
-    unknown = [column for column in table.columns if column not in used]
+    # Inertial sensors are part of the format, though nothing reads them yet.
+    unknown = [c for c in table.columns if c not in used and not c.lower().startswith("imu_")]
     if unknown:
         listed = ", ".join(unknown[:30]) + (", ..." if len(unknown) > 30 else "")
         record.fixed(f"{len(unknown)} unknown columns: {listed}", "header", "ignored")

@@ -81,7 +81,10 @@ class Witnesses:
         self.sources, self.silent = [], {}
         self._evidence: dict[tuple[str, str], Evidence] = {}
         for source in BODY_SOURCES:
-            if source in signals.signals:
+            # A command of zero is none; a measurement of zero is a witness.
+            if source in signals.signals and (
+                source != "reference" or np.any(signals.signals[source])
+            ):
                 self._listen(source, signals.signals[source], signals.rates[source])
 
     def _listen(self, source: str, motion: np.ndarray, rates: np.ndarray) -> None:
