@@ -156,7 +156,10 @@ class Log:
             return "torque"
         if self.wheel_voltage is not None:
             return "voltage"
-        raise ValueError(f"log {self.name!r} has neither wheel torques nor voltages")
+        raise ValueError(
+            f"log {self.name!r} has neither wheel torques nor voltages; record wheel_torque_* or "
+            "wheel_voltage_*"
+        )
 
     @property
     def command(self) -> np.ndarray:

@@ -299,7 +299,8 @@ MUTATIONS: dict[str, tuple[Callable, str, str]] = {
     ),
     # names
     "a wheel missing": (lambda f: f.drop(V[3]), "refused", r"without \['wheel_velocity_rr'\]"),
-    "no torques": (lambda f: f.drop(M), "refused", "no drive input of the wheels fl, fr, rl, rr"),
+    "no torques": (lambda f: f.drop(M), "told", "no drive input of the wheels fl, fr, rl, rr"),
+    "no torques and no pose": (lambda f: f.drop(M + P), "refused", "no drive input of the wheels"),
     "no speeds": (lambda f: f.drop(V), "refused", "no velocities of wheels or body"),
     "a name misspelt": (rename(wheel_torque_rl="wheel_torqe_rl"), "refused", "wheel_torque_rl"),
     "unknown columns": (

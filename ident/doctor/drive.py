@@ -99,11 +99,15 @@ def _battery(record: Record) -> None:
 
 
 def _nothing(record: Record) -> None:
+    """Without a drive input only kinematics can be learnt, and from an independent motion."""
     wheels = record.platform.wheel_names
-    record.refuse(
-        f"there is no drive input of the wheels {', '.join(wheels)}",
-        "header",
+    what = f"there is no drive input of the wheels {', '.join(wheels)}"
+    remedy = (
         f"add wheel_torque_{wheels[0]} ..., wheel_current_*, wheel_voltage_*, or wheel_duty_* with "
-        "battery_voltage (rename with --map NAME=COLUMN); a record of one motor on a bench says "
-        "nothing about the platform",
+        "battery_voltage (rename with --map NAME=COLUMN)"
     )
+    if "wheel_velocity" in record.channels and {"pose", "body_velocity"} & set(record.channels):
+        record.warn(what, "header", f"good for kinematics alone; for dynamics {remedy}")
+        return
+    remedy += "; a record of one motor on a bench says nothing about the platform"
+    record.refuse(what, "header", remedy)
