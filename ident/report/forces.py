@@ -31,14 +31,16 @@ def forces_figure(
     nominal: np.ndarray,
     identified: np.ndarray,
     label: str,
+    unit: str,
 ) -> None:
     """Filtered generalized forces over time and one against the other (paper Fig. 7).
 
     Args:
         time: (N,) s.
         piece: (N,) number of the contiguous piece.
-        measured, nominal, identified: (N, 3) N m.
+        measured, nominal, identified: (N, 3) in ``unit``.
         label: what the nominal model is called.
+        unit: of the forces times the lever.
     """
     grid = canvas.add_gridspec(
         3, 2, width_ratios=(3.4, 1), left=0.075, right=0.985, bottom=0.085, top=0.93, wspace=0.17,
@@ -56,7 +58,7 @@ def forces_figure(
         for values, color, width, label in lines:
             line = thin(time[rows], values[rows, k], piece[rows])
             axis.plot(*line, color=color, linewidth=width, label=label)
-        axis.set_ylabel(f"{force}, N m")
+        axis.set_ylabel(f"{force}, {unit}")
         axis.set_xlim(0.0, time[rows][-1])
         axis.tick_params(labelbottom=k == 2)
         span(axis, measured[rows, k], identified[rows, k])
@@ -70,11 +72,11 @@ def forces_figure(
         span(scatter, measured[dots, k], identified[dots, k])
         scatter.set_xlim(scatter.get_ylim())
         scatter.locator_params(nbins=4)
-        scatter.set_ylabel("predicted, N m", fontsize=9)
+        scatter.set_ylabel(f"predicted, {unit}", fontsize=9)
         if k == 0:
             legend(canvas, *axis.get_legend_handles_labels(), bbox_to_anchor=(0.065, 1.0))
     axis.set_xlabel("time, s")
-    scatter.set_xlabel("measured, N m")
+    scatter.set_xlabel(f"measured, {unit}")
 
 
 @figure(3.2)
@@ -85,13 +87,15 @@ def residual_figure(
     nominal: np.ndarray,
     identified: np.ndarray,
     label: str,
+    unit: str,
 ) -> None:
     """What the equation leaves unexplained, by axis, over the velocity on that axis.
 
     Args:
         velocity: (N, 3) m/s, m/s, rad/s.
-        measured, nominal, identified: (N, 3) N m.
+        measured, nominal, identified: (N, 3) in ``unit``.
         label: what the nominal model is called.
+        unit: of the forces times the lever.
     """
     from matplotlib.ticker import LogLocator, NullFormatter
 
@@ -114,7 +118,7 @@ def residual_figure(
         axis.yaxis.set_minor_formatter(NullFormatter())
         axis.set_xlabel(f"{name}, {unit}")
         axis.set_title(f"axis of {force}")
-    axes[0].set_ylabel("residual rms, N m")
+    axes[0].set_ylabel(f"residual rms, {unit}")
     legend(canvas, *axes[0].get_legend_handles_labels(), bbox_to_anchor=(0.065, 1.02))
 
 

@@ -181,8 +181,10 @@ def _forces(outcome: Outcome) -> Section:
         f"where they are forces{_shown(running, forces.SHOWN)}. Unexplained: {x}, {y} and {yaw} "
         "of their rms."
     )
-    drawn = forces.forces_figure(running, regression.piece, regression.y, old, new, label)
-    residual = forces.residual_figure(result.velocity, regression.y, old, new, label)
+    # Voltages in place of torques leave one common factor open, torque per volt.
+    unit = "N m" if result.logs[0].drive == "torque" else "V"
+    drawn = forces.forces_figure(running, regression.piece, regression.y, old, new, label, unit)
+    residual = forces.residual_figure(result.velocity, regression.y, old, new, label, unit)
     blocks = [
         Picture("forces", drawn, caption),
         Picture(

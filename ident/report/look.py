@@ -16,7 +16,8 @@ MEASURED = "#8a8f98"
 NOMINAL = "#e07b1a"
 IDENTIFIED = "#1f6fb4"
 INK = "#2b2f36"
-WHEELS = ("#2f8f6b", "#8e5bb0", "#7a5a3a", "#c9415c", "#3c4f76", "#8a8a2b")
+WHEELS = ("#2f8f6b", "#8e5bb0", "#7a5a3a", "#c9415c")
+BODY = ("#3c4f76", "#8a8a2b", "#b06a9c")
 MAP = "PRGn"  # signed shares; neither end is the colour of a model
 
 WIDTH = 10.0  # in; figures are shown at the width of the page

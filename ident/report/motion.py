@@ -8,6 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 from ident.free_run import FreeRun
 from ident.log import Log
 from ident.report.look import (
+    BODY,
     IDENTIFIED,
     MEASURED,
     NOMINAL,
@@ -76,17 +77,20 @@ def log_figure(canvas, log: Log) -> None:
     piece = np.searchsorted(log.starts, np.arange(len(log.time)), side="right")
     upper.tick_params(labelbottom=False)
     if log.wheel_velocity is not None:
-        _traces(upper, log, log.wheel_velocity, piece, log.platform.wheel_names)
+        _traces(upper, log, log.wheel_velocity, piece, log.platform.wheel_names, WHEELS)
         upper.set_ylabel("wheel velocity, rad/s")
     else:
         scaled = log.velocity() * [1.0, 1.0, log.platform.lever]
-        _traces(upper, log, scaled, piece, ("$V_X$", "$V_Y$", "$L\\,\\Omega$"))
+        _traces(upper, log, scaled, piece, ("$V_X$", "$V_Y$", "$L\\,\\Omega$"), BODY)
         upper.set_ylabel("body velocity, m/s")
-    _traces(lower, log, log.command, piece, log.platform.wheel_names)
+    _traces(lower, log, log.command, piece, log.platform.wheel_names, WHEELS)
     lower.set_ylabel("wheel torque, N m" if log.drive == "torque" else "wheel voltage, V")
     lower.set_xlabel("time, s")
     lower.set_xlim(0.0, log.duration)
     legend(canvas, *upper.get_legend_handles_labels(), bbox_to_anchor=(0.46, 1.0))
+    if log.wheel_velocity is None:
+        above = {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "borderpad": 0.1}
+        lower.legend(ncols=len(log.platform.wheels), fontsize=9, **above)
 
 
 def _path(piece: Log) -> tuple[np.ndarray, np.ndarray]:
@@ -99,9 +103,9 @@ def _path(piece: Log) -> tuple[np.ndarray, np.ndarray]:
     return tuple(cumulative_trapezoid(part, piece.time, initial=0.0) for part in rate[:2])
 
 
-def _traces(axis, log: Log, values: np.ndarray, piece: np.ndarray, labels) -> None:
+def _traces(axis, log: Log, values: np.ndarray, piece: np.ndarray, labels, colors) -> None:
     for k, label in enumerate(labels):
         line = thin(log.time - log.time[0], values[:, k], piece, points=2000)
-        axis.plot(*line, color=WHEELS[k % len(WHEELS)], linewidth=0.7, label=label)
+        axis.plot(*line, color=colors[k % len(colors)], linewidth=0.7, label=label)
     # A few spikes should not press the rest together.
     span(axis, np.percentile(values, (0.05, 99.95)), margin=0.1)
