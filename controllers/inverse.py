@@ -12,12 +12,14 @@ import numpy as np
 from youbot_env import dynamics
 from youbot_env.backend import Ops, weighted_sum
 from youbot_env.effects import Signals
-from youbot_env.plant import Robot
+from youbot_env.plant import Robot, State
 
 # A law on the shaft that takes a share k of the torque leaves the error k^n after n rounds.
 SHAFT_ROUNDS = 6
 # One round is exact where the drive is linear in the command; a dead zone needs a few.
 DRIVE_ROUNDS = 6
+# After this time the drive counts as settled, s.
+SETTLED = 1.0
 
 
 def required_wrench(s: Signals, acceleration: tuple) -> tuple:
@@ -70,6 +72,25 @@ def drive_command(
         ops.where(top < 0.0, limit, ops.where(bottom > 0.0, -limit, bracket.chord(limit, ops)))
         for bracket, top, bottom in zip(ends, most, least, strict=True)
     )
+
+
+def feedforward(
+    robot: Robot, state: State, v: tuple, acceleration: tuple, t, limit: float, ops: Ops
+) -> tuple:
+    """Commands (n,), N m, that hold velocity v and (V_X', V_Y', Omega') once the drive has settled.
+
+    Args:
+        robot: model bound to its values.
+        state: pose and wheel angles, where effects read them.
+        v, acceleration: body velocity and its rates.
+        t: time, s.
+        limit: largest command, N m.
+        ops: elementary functions.
+    """
+    rest = (0.0,) * len(robot.platform.wheels)
+    s = robot.signals(t, v, state.pose, state.wheel_angle, rest, ops)
+    torque = shaft_torque(robot, required_wrench(s, acceleration), s, state.internal, ops)
+    return drive_command(robot, torque, s, state.internal, SETTLED, limit, ops)
 
 
 class _Bracket(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 
 from controllers.base import Controller, Settings
 from controllers.columns import Columns
-from controllers.estimator import OPS, Estimator
+from controllers.estimator import OPS, Estimator, Situation
 from controllers.preview import preview_weights
 from youbot_env.model import Model
 from youbot_env.plant import Robot, State
@@ -28,7 +28,7 @@ class Tracking(NamedTuple):
         wanted_velocity: of the reference then.
         wanted_acceleration: second derivative of the reference pose then, turned from the world
             into the frame of the robot, m/s^2, m/s^2, rad/s^2.
-        reference_twist: velocity of the reference then in its own frame.
+        twist, twist_rate: of the reference then, in its own frame.
     """
 
     t: Any
@@ -38,7 +38,8 @@ class Tracking(NamedTuple):
     velocity: tuple
     wanted_velocity: tuple
     wanted_acceleration: tuple
-    reference_twist: tuple
+    twist: tuple
+    twist_rate: tuple
 
 
 class LawController(Controller):
@@ -102,25 +103,30 @@ class LawController(Controller):
         return np.concatenate(parts).ravel()
 
     def _trace(self) -> ca.Function:
-        estimator, task, count = self.estimator, self.task, self.task.preview + 1
-        estimate = estimator.build()
+        inputs, now, tracking, robot = self.situate()
+        extra = self.extra_inputs()
+        command = ca.vertcat(*self.command(tracking, robot, extra))
+        after = self.estimator.remember(now.memory, command)
+        joined = ca.cse(ca.vertcat(command / self.task.torque_limit, after))
+        outputs = ca.vertsplit(joined, [0, len(self.task.platform.wheels), joined.numel()])
+        return ca.Function("law", [*inputs, *extra], outputs)
+
+    def situate(self) -> tuple[list, Situation, Tracking, Robot]:
+        """Make symbols of the law's inputs and what follows from them."""
+        task, count, estimate = self.task, self.task.preview + 1, self.estimator.build()
         seen, yaw, memory, values = symbols = estimate.sx_in()[:4]
         weights = ca.SX.sym("weights", 4 * count)
-        t, state, wanted, twist, memory = estimate(seen, yaw, memory, values, weights[: 2 * count])
+        now = Situation(*estimate(seen, yaw, memory, values, weights[: 2 * count]))
         twists, middle = ca.reshape(seen[8:], 3, count), weights[2 * count :]
         ahead = ca.mtimes(twists, ca.reshape(middle, count, 2))
-        state = estimator.structure.unflatten(ca.vertsplit(state))
-        tracking = track(
-            t + task.dt / 2, state, tuple(ca.vertsplit(wanted)), tuple(ca.vertsplit(twist)),
-            tuple(ca.vertsplit(ahead[:, 0])), tuple(ca.vertsplit(ahead[:, 1])), task,
-        )  # fmt: skip
-        extra = self.extra_inputs()
-        robot = estimator.structure.bind(ca.vertsplit(values))
-        command = ca.vertcat(*self.command(tracking, robot, extra))
-        after = estimator.remember(memory, command)
-        joined = ca.cse(ca.vertcat(command / task.torque_limit, after))
-        outputs = ca.vertsplit(joined, [0, len(task.platform.wheels), joined.numel()])
-        return ca.Function("law", [*symbols, weights, *extra], outputs)
+        state = self.estimator.structure.unflatten(ca.vertsplit(now.state))
+        present, twist, rate = (
+            tuple(ca.vertsplit(part)) for part in (now.twist, ahead[:, 0], ahead[:, 1])
+        )
+        wanted = tuple(ca.vertsplit(now.wanted))
+        tracking = track(now.t + task.dt / 2, state, wanted, present, twist, rate, task)
+        robot = self.estimator.structure.bind(ca.vertsplit(values))
+        return [*symbols, weights], now, tracking, robot
 
     def extra_inputs(self) -> list:
         """Symbols of further inputs of the law, such as gains."""
@@ -150,7 +156,7 @@ def track(t, state: State, wanted, present, twist, rate, task) -> Tracking:
     velocity = rotate_to_body(twist, turn)
     return Tracking(
         t, state, error, difference, _minus(velocity, difference), velocity,
-        rotate_to_body(second, turn), twist,
+        rotate_to_body(second, turn), twist, rate,
     )  # fmt: skip
 
 

@@ -1,0 +1,1 @@
+"""The optimal-control problem of the predictive controller and its two solvers."""
