@@ -1,0 +1,230 @@
+"""Weighted least squares of the kinematic values, what they leave undetermined, and intervals.
+
+Residuals are coloured (rollers change, wheels slip), so covariances come from leaving out stretches
+of time, one after the other, and never from single rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from ident.kinematics.normal import PLAUSIBLE, PLAUSIBLE_MOUNT, Normal
+from ident.kinematics.wheels import Rolling, parameter_names, rolling
+from ident.kinematics.windows import LONGEST_DELAY, MOUNT, Windows, integrate
+from youbot_env.platform import Platform
+
+# A direction whose standard error under white noise exceeds this share of the plausible is blind.
+BLIND = 0.2
+# Part of a blind direction in a combination from which on the combination rests on the platform.
+TOUCHED = 0.05
+ITERATIONS, SETTLED = 30, 1e-6
+FIXED = 3  # steps after which the split into seen and blind directions stays as it is
+LARGEST = 0.3  # relative errors beyond this are no calibration but a wrong table or column
+SIGNIFICANT = 0.05
+
+
+@dataclass(frozen=True)
+class Surplus:
+    """What a Jacobian with free entries would explain beyond the fitted values.
+
+    Attributes:
+        rank: how many further combinations of its entries the log could have shown.
+        ratio: F statistic of all of them; p_value: its p value; None where rank is 0.
+        size: largest entry they amount to, relative to 1 / R.
+    """
+
+    rank: int
+    ratio: float | None
+    p_value: float | None
+    size: float
+
+    @property
+    def widening(self) -> float:
+        """Factor on all intervals: Birge's ratio where the further combinations contradict.
+
+        Deviations that repeat from stretch to stretch (rollers at the same phase, slip under the
+        same load) are not seen by the scatter between stretches, but they show up here.
+        """
+        if self.p_value is None or self.p_value > SIGNIFICANT:
+            return 1.0
+        return max(float(np.sqrt(self.ratio)), 1.0)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Values of the p unknowns, kinematics first, then the mount of the pose sensor.
+
+    Attributes:
+        names: (p) names; values: (p,) relative errors, rad, m and s.
+        covariance: (p, p) from leaving out one cluster at a time.
+        information: (G, p, p) of each cluster along the determined directions.
+        blind: (p, k) orthonormal directions, in scaled units, kept at the nominal values.
+        scale: (p,) scale in which they are meant.
+        noise: rms of what is left: position m, yaw rad, contradiction of the wheels rad/s.
+        rolling: kinematics at the estimate.
+        surplus: test of the values against a free Jacobian.
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    information: np.ndarray
+    blind: np.ndarray
+    scale: np.ndarray
+    noise: tuple[float, float, float]
+    rolling: Rolling
+    surplus: Surplus
+
+    @property
+    def mount(self) -> np.ndarray:
+        """offset_x, offset_y m, offset_yaw rad, delay s."""
+        return self.values[-len(MOUNT) :]
+
+    def determines(self, weights: np.ndarray) -> bool:
+        """Tell whether ``weights @ values`` is free of blind directions."""
+        scaled = np.asarray(weights, float) * self.scale
+        touched = np.linalg.norm(self.blind.T @ scaled) / np.linalg.norm(scaled)
+        return bool(touched < TOUCHED)
+
+    def uncertainty(self, weights: np.ndarray) -> tuple[float, float]:
+        """Standard error of ``weights @ values`` and half width of its 95 % interval.
+
+        The quantile has as many degrees of freedom as there are clusters that speak for the
+        combination, less one.
+        """
+        weights = np.asarray(weights, float)
+        error = float(np.sqrt(weights @ self.covariance @ weights)) * self.surplus.widening
+        scaled = self.information * self.scale[:, None] * self.scale
+        at = np.linalg.pinv(scaled.sum(axis=0), hermitian=True) @ (weights * self.scale)
+        spoken = np.einsum("p,gpq,q->g", at, scaled, at)
+        effective = spoken.sum() ** 2 / max(np.sum(spoken**2), 1e-300)
+        return error, float(stats.t.ppf(0.975, max(effective - 1.0, 1.0))) * error
+
+
+def fit(windows: Windows, platform: Platform) -> Fit:
+    """Fit kinematics, mount and delay by Gauss-Newton steps.
+
+    Raises:
+        ValueError: the steps do not settle, or lead to values that no calibration can mean.
+    """
+    names = (*parameter_names(platform), *MOUNT)
+    count = len(names) - len(MOUNT)
+    scale = np.array([PLAUSIBLE] * count + list(PLAUSIBLE_MOUNT))
+    nominal = np.zeros(len(names))
+    nominal[count + 2] = _first_turn(windows, rolling(platform, nominal[:count]).odometry)
+    values = nominal.copy()
+    for step in range(ITERATIONS):
+        normal = Normal(windows, platform, values)
+        information, score = normal.sums(scale)
+        total, gap = information.sum(axis=0), (values - nominal) / scale
+        if step < FIXED:
+            seen, blind = _split(total)
+        reduced = seen.T @ total @ seen
+        wanted = seen @ np.linalg.solve(reduced, seen.T @ (score.sum(axis=0) + total @ gap))
+        values = nominal + scale * wanted
+        _check(names, values, count)
+        if step >= FIXED and np.abs(wanted - gap).max() < SETTLED:
+            break
+    else:
+        raise ValueError(
+            f"the kinematic calibration did not settle in {ITERATIONS} steps; check that pose and "
+            "wheels belong together (units, signs, clocks)"
+        )
+    inside = seen.T @ information @ seen
+    shifts = scale * (leave_one_out(inside, score @ seen) @ seen.T)
+    return Fit(
+        names,
+        values,
+        shifts.T @ shifts,
+        (seen @ inside @ seen.T) / scale[:, None] / scale,
+        blind,
+        scale,
+        normal.noise,
+        normal.rolling,
+        _surplus(normal, scale, seen),
+    )
+
+
+def leave_one_out(information: np.ndarray, score: np.ndarray) -> np.ndarray:
+    """(G, r) shifts of an estimate when one cluster is left out, sized for a covariance.
+
+    Args:
+        information: (G, r, r) of each cluster; score: (G, r) at the estimate.
+
+    Returns:
+        Rows whose products sum to the covariance of the estimate.
+    """
+    total, groups = information.sum(axis=0), len(score)
+    shifts = [
+        np.linalg.pinv(total - own, hermitian=True) @ pull
+        for own, pull in zip(information, score, strict=True)
+    ]
+    return np.array(shifts) * np.sqrt((groups - 1) / groups)
+
+
+def _split(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions that the log determines and those it does not, both orthonormal."""
+    strength, directions = np.linalg.eigh(information)
+    seen = strength > 1.0 / BLIND**2
+    if not seen.any():
+        raise ValueError(
+            "this log determines no kinematic value at all; record a motion on all axes, of some "
+            "centimetres at least"
+        )
+    return directions[:, seen], directions[:, ~seen]
+
+
+def _surplus(normal: Normal, scale: np.ndarray, seen: np.ndarray) -> Surplus:
+    """Wald test of the fitted values against a Jacobian with free entries, by clusters."""
+    information, score = normal.sums(scale, free=True)
+    total, size = information.sum(axis=0), len(scale)
+    known = np.linalg.solve(seen.T @ total[:size, :size] @ seen, seen.T @ total[:size, size:])
+    # Entries of J less what the values make of them.
+    apart = np.concatenate([-seen @ known, np.eye(len(total) - size)])
+    strength, directions = np.linalg.eigh(apart.T @ total @ apart)
+    # Entries that the values cover anyway come out as rounding, far below a billionth.
+    keep = (strength > 1.0 / BLIND**2) & (strength > 1e-9 * np.trace(total[size:, size:]))
+    rank, groups = int(keep.sum()), len(score)
+    if rank == 0 or groups <= rank + 1:
+        return Surplus(0, None, None, 0.0)
+    apart = apart @ directions[:, keep]
+    entries = (score @ apart).sum(axis=0) / strength[keep]
+    inside = apart.T @ information @ apart
+    shifts = leave_one_out(inside, score @ apart - inside @ entries)
+    # Hotelling's law, with as many clusters as speak for the weakest combination.
+    share = np.einsum("gkk->gk", inside) / strength[keep]
+    spoken = max(float(np.min(1.0 / np.sum(share**2, axis=0))), rank + 1.0)
+    square = entries @ np.linalg.solve(shifts.T @ shifts, entries)
+    ratio = float(square * (spoken - rank) / (rank * (spoken - 1.0)))
+    p_value = float(stats.f.sf(ratio, rank, spoken - rank))
+    largest = np.abs(directions[:, keep] @ entries).max() * PLAUSIBLE
+    return Surplus(rank, ratio, p_value, float(largest))
+
+
+def _first_turn(windows: Windows, odometry: np.ndarray) -> float:
+    """Yaw offset to start from: where the ways point on average; zero where they say little."""
+    residual, _, _ = windows.residual(odometry, np.zeros(len(MOUNT)), slopes=False)
+    step, speed = np.diff(windows.time, axis=1), windows.speed(0.0)
+    way = integrate(step, speed, odometry, slopes=False).place
+    way = (way - way.mean(axis=1, keepdims=True)) @ [1.0, 1.0j]
+    seen = residual[..., :2] @ [1.0, 1.0j] + way
+    product = np.vdot(seen, way)
+    clear = abs(product) > 0.5 * np.linalg.norm(way) * np.linalg.norm(seen)
+    return float(np.angle(product)) if clear else 0.0
+
+
+def _check(names: tuple[str, ...], values: np.ndarray, count: int) -> None:
+    for name, value in zip(names[:count], values[:count], strict=True):
+        if not abs(value) < LARGEST:
+            raise ValueError(
+                f"kinematic calibration: {name} would be wrong by {value:+.2g}, beyond {LARGEST}; "
+                "check the platform's table and the signs, units and order of the columns"
+            )
+    if not abs(values[-1]) < LONGEST_DELAY:
+        raise ValueError(
+            f"kinematic calibration: the pose would be {values[-1]:.3g} s late, beyond "
+            f"{LONGEST_DELAY} s; align the clocks of pose and wheels first"
+        )

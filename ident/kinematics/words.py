@@ -1,0 +1,121 @@
+"""What a kinematic calibration does not tell, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ident.kinematics.fit import Fit
+from ident.kinematics.ripple import Ripple
+from ident.kinematics.wheels import mean_odometry
+from ident.kinematics.windows import MOUNT
+from ident.log import Log
+from youbot_env.platform import Platform
+
+AXES = ("forward", "sideways", "in yaw")
+# Rms of an axis, of the strongest (yaw at the wheels' lever), below which it counts as still.
+STILL = 0.05
+WHOLE, PART = 0.98, 0.25  # how much of a quantity lies in the blind directions
+# A pose this close to the wheels, m, may have been computed from them.
+TOO_GOOD = 5e-5
+
+
+def undetermined_words(fit: Fit, log: Log, platform: Platform) -> tuple[str, ...]:
+    """Say the directions that this motion leaves open, and why; empty when there are none."""
+    if not fit.blind.shape[1]:
+        return ()
+    share = {name: _share(fit.blind, block) for name, block in _quantities(platform).items()}
+    alone = [name for name, part in share.items() if part > WHOLE]
+    mixed = [name for name, part in share.items() if PART < part <= WHOLE]
+    words = [f"not seen: {', '.join(alone)}"] if alone else []
+    if mixed:
+        words.append(f"not told apart: {', '.join(mixed)}")
+    if not words:
+        words.append("a combination of small shares of all values")
+    still = _still_axes(log, platform)
+    if still:
+        words.append(f"the robot hardly moves {' or '.join(still)}; record a motion that does")
+    return (*words, "these values stay as the platform has them, without an interval")
+
+
+def _quantities(platform: Platform) -> dict[str, np.ndarray]:
+    """Directions (p, k) of what a person calls one thing, orthonormal in scaled units."""
+    count = len(platform.wheels)
+    size = count + 2 + len(MOUNT)
+    units, common = np.eye(size), np.ones((count, 1)) / np.sqrt(count)
+    differences = np.linalg.svd(np.eye(count) - common @ common.T)[0][:, : count - 1]
+    offsets = ("x offset of the sensor", "y offset of the sensor", "yaw offset of the sensor")
+    single = ("base geometry", "roller angle", *offsets, "delay")
+    return {
+        "common wheel radius": units[:, :count] @ common,
+        "differences between wheel radii": units[:, :count] @ differences,
+    } | {name: units[:, [count + k]] for k, name in enumerate(single)}
+
+
+def _share(blind: np.ndarray, block: np.ndarray) -> float:
+    """Largest part of a unit vector of the block that lies in the blind directions."""
+    return float(np.linalg.norm(block.T @ blind, 2))
+
+
+def _still_axes(log: Log, platform: Platform) -> list[str]:
+    v = log.wheel_velocity @ np.linalg.pinv(platform.jacobian_array).T
+    rms = np.sqrt(np.mean(v**2, axis=0)) * [1.0, 1.0, platform.lever]
+    return [axis for axis, size in zip(AXES, rms, strict=True) if size < STILL * rms.max()]
+
+
+def remarks(
+    fit: Fit, platform: Platform, ripple: Ripple | None, gains: np.ndarray, finite: bool
+) -> tuple[str, ...]:
+    """What a reader of the numbers must know.
+
+    Args:
+        fit: the estimate.
+        platform: the nominal platform.
+        ripple: what the wheels say about finite rollers.
+        gains: (3,) motion over nominal odometry.
+        finite: whether the ripple was taken out of the wheel speeds.
+    """
+    words = []
+    if ripple is not None and ripple.seen:
+        words.append(_roller_words(ripple, platform, gains, finite))
+    surplus = fit.surplus
+    if surplus.widening > 1.0:
+        words.append(
+            "radii, base and roller angle do not explain everything "
+            f"(p = {surplus.p_value:.1g}, up to {surplus.size:.2%} of 1/R): wheels slip, or "
+            "rollers repeat their phase; all intervals are widened "
+            f"{surplus.widening:.1f} times, and differences between radii need not be worn wheels"
+        )
+    elif surplus.rank == 0:
+        words.append(
+            "wheels and pose have nothing left over to contradict this table of values; slip would "
+            "go unnoticed"
+        )
+    if fit.noise[0] < TOO_GOOD:
+        words.append(
+            f"the pose follows the wheels within {1e3 * fit.noise[0]:.2g} mm: if it was computed "
+            "from them, this calibration says nothing about the robot"
+        )
+    return tuple(words)
+
+
+def _roller_words(ripple: Ripple, platform: Platform, gains: np.ndarray, finite: bool) -> str:
+    def shown(values: np.ndarray) -> str:
+        pairs = zip(values, AXES, strict=True)
+        return ", ".join(f"1/{1 / value:.3f} {axis}" for value, axis in pairs)
+
+    mean, _ = mean_odometry(platform, np.zeros(len(platform.wheels) + 2), ripple.size)
+    alone = np.diag(mean @ platform.jacobian_array)
+    text = (
+        f"the wheels ripple as finite rollers do ({ripple.size:.2f} of the effect roller_ripple). "
+        f"On average such rollers alone give gains of {shown(alone)}; measured are {shown(gains)}, "
+        f"which leaves {shown(gains / alone)} to slip and geometry. "
+    )
+    if finite:
+        return text + (
+            "Radii, base and roller angle are those beyond the rollers: the shorter way sideways "
+            "is not a wrong radius, and what is left of it is slip under load more often than a "
+            "wrong roller angle"
+        )
+    return text + (
+        "The roller angle error here is this average, not a wrong radius and not badly made wheels"
+    )
