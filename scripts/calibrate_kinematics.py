@@ -1,0 +1,139 @@
+"""Calibrate wheel radii, base, roller angle and the mount of the pose sensor from a log."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import console
+import typer
+from identify import FIT, TEST, parse_mapping, read_log, refuse_double, section
+
+from ident.kinematics import Drift, KinematicCalibration, calibrate_kinematics
+from youbot_env.model_file import load_model, save_model
+
+# What a table shows in place of a unit that no one thinks in.
+SHOWN = {"m": (1e3, "mm"), "rad": (180 / math.pi, "deg"), "s": (1e3, "ms"), "": (1.0, "")}
+ODOMETRIES = {
+    "before": "nominal",
+    "after": "calibrated",
+    "followed": "following each roller",
+}
+HEADS = ("", "value", "95 % interval", "unit")
+
+
+def main(
+    log: Annotated[
+        Path | None,
+        typer.Argument(metavar="[LOG]", help="Log with wheel speeds and pose; bundled if left."),
+    ] = None,
+    test: Annotated[
+        Path | None, typer.Option(metavar="LOG", help="Log to judge by, kept out of the fit.")
+    ] = None,
+    model: Annotated[
+        str, typer.Option(help="Model with the wheel table: model file, nominal or paper.")
+    ] = "nominal",
+    finite_rollers: Annotated[
+        bool | None,
+        typer.Option(help="Take the ripple of finite rollers out first; where it is seen, if left"),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write --model with the calibrated kinematics, YAML."),
+    ] = None,
+    json_file: console.Json = None,
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map", metavar="NAME=COLUMN", help="Column of a foreign header; may be repeated."
+        ),
+    ] = None,
+) -> None:
+    """Calibrate wheel radii, base, roller angle and the mount of the pose sensor from a log.
+
+    The pose must be measured independently of the wheels (motion capture, lidar). Nothing in it is
+    random: equal logs give equal results.
+    """
+    console.check_writable(out, json_file)
+    if log is None:
+        log, test = FIT, test or TEST
+    before, columns = load_model(model), parse_mapping(mapping)
+    with console.progress("calibrating", 3, "steps") as show:
+        measured = read_log(log, before.platform, columns, None, None)
+        show(1)
+        untouched = None
+        if test is not None:
+            untouched = read_log(test, before.platform, columns, None, None)
+            refuse_double([measured, untouched])
+        show(2)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # what is open is told below
+            result = calibrate_kinematics(measured, test=untouched, finite_rollers=finite_rollers)
+        show(3)
+    history = console.provenance(
+        logs={record.source: record.digest for record in (measured, untouched) if record}
+    )
+    history.pop("seed")
+    if out is not None:
+        calibrated = replace(result.model(before), name=out.stem, covariance=None)
+        save_model(replace(calibrated, provenance=history), out)
+    written = {"model": None if out is None else console.shown(out)}
+    console.write_json(json_file, result.as_dict() | written | {"provenance": history})
+    tell(result, out)
+
+
+def tell(result: KinematicCalibration, out: Path | None) -> None:
+    """Say what was found: the numbers, what they are worth, and what they leave open."""
+    console.table("Motion over what nominal odometry says", HEADS, rows(result.gains))
+    console.out.print()
+    title = "Kinematics, beyond finite rollers" if result.finite_rollers else "Kinematics"
+    console.table(title, HEADS, rows(result.parameters))
+    console.out.print()
+    console.table("Pose sensor", HEADS, rows(result.mount))
+    console.out.print()
+    heads = ("odometry", "mm per m", "deg per turn", "mm", "deg", "way m", "turns")
+    for record, prefix in ((result.log, ""), (result.test, "test_")):
+        if record is not None:
+            drifts = {words: result.drifts[prefix + name] for name, words in ODOMETRIES.items()}
+            found = [(words, *drift_row(d)) for words, d in drifts.items() if d is not None]
+            console.table(f"Drift on {record}: in windows, then at the end", heads, found)
+            console.out.print()
+    section("Undetermined by this log", list(result.undetermined))
+    section("Remarks", list(result.remarks))
+    if out is not None:
+        text = "its masses and frictions belong to the old radius, identify them again with it"
+        console.out.print(f"model: {console.shown(out)}; {text}", soft_wrap=True)
+
+
+def rows(table: dict) -> list[tuple]:
+    """Rows of a table of quantities in the units that people read."""
+    shown = []
+    for name, quantity in table.items():
+        factor, unit = SHOWN[quantity.unit]
+        interval = "not determined"
+        if quantity.ci95 is not None:
+            low, high = (factor * end for end in quantity.ci95)
+            interval = f"[{low:.5g}, {high:.5g}]"
+        shown.append((name.replace("_", " "), f"{factor * quantity.value:.5g}", interval, unit))
+    return shown
+
+
+def drift_row(drift: Drift) -> tuple:
+    """Drift on windows, then at the end of the whole record."""
+    degrees = 180 / math.pi
+    turn = drift.heading_per_turn
+    return (
+        1e3 * drift.position_per_metre,
+        "-" if turn is None else degrees * turn,
+        1e3 * drift.position,
+        degrees * drift.heading,
+        drift.way,
+        drift.turns,
+    )
+
+
+if __name__ == "__main__":
+    console.run(main, "mine.csv --test other.csv --out calibrated.yaml")
