@@ -47,8 +47,9 @@ def _column(record: Record, channel: str, column: int, rms: float) -> np.ndarray
         _limits(record, channel, column, limits)
     _held(record, channel, column, same)
     others = [k for k in range(values.shape[1]) if k != column]
+    shortest = max(10, LONG / record.dt)
     for begin, end in runs(same):
-        if end - begin < max(10, LONG / record.dt):
+        if end - begin < shortest:
             continue
         alone = np.std(values[begin - 1 : end, others], axis=0).max() > ACTIVE * rms
         # A command at its limit is no broken sensor; a speed that cannot rise is one.

@@ -1,0 +1,17 @@
+"""From measured logs to parameters with honest intervals.
+
+``from ident import Log, identify`` imports what is asked for and nothing more.
+"""
+
+from __future__ import annotations
+
+import importlib
+
+_HOME = {"Log": "ident.log", "identify": "ident.identification"}
+__all__ = ["Log", "identify"]
+
+
+def __getattr__(name: str):
+    if name not in _HOME:
+        raise AttributeError(f"module 'ident' has no attribute {name!r}; it has {sorted(_HOME)}")
+    return getattr(importlib.import_module(_HOME[name]), name)
