@@ -315,6 +315,10 @@ def test_bad_logs_are_refused_with_the_reason():
         calibrate_kinematics(log, omni3())
     with pytest.raises(ValueError, match=r"determines no kinematic value|do not move"):
         calibrate_kinematics(measured(youbot(), time, 0.0 * speed, 0.0 * pose))
+    with pytest.raises(ValueError, match="position of the pose moves"):
+        calibrate_kinematics(replace(log, pose=log.pose * [1000.0, 1000.0, 1.0]))
+    with pytest.raises(ValueError, match="pose"):
+        calibrate_kinematics(replace(log, pose=log.pose * [1.0, 1.0, -1.0]))
     late = measured(youbot(), time, speed, pose, mount=(0.0, 0.0, 0.0, 0.6))
     with pytest.raises(ValueError, match="align the clocks"):
         calibrate_kinematics(late)

@@ -22,6 +22,8 @@ BLIND = 0.2
 TOUCHED = 0.05
 ITERATIONS, SETTLED = 30, 1e-6
 FIXED = 3  # steps after which the split into seen and blind directions stays as it is
+# Of a pose that moves more than this within windows, m and rad, wheels must explain half.
+MOVES, EXPLAINED = (0.02, 0.05), 0.5
 LARGEST = 0.3  # relative errors beyond this are no calibration but a wrong table or column
 SIGNIFICANT = 0.05
 
@@ -133,6 +135,7 @@ def fit(windows: Windows, platform: Platform) -> Fit:
             f"the kinematic calibration did not settle in {ITERATIONS} steps; check that pose and "
             "wheels belong together (units, signs, clocks)"
         )
+    _check_explained(windows, normal.noise)
     inside = seen.T @ information @ seen
     shifts = scale * (leave_one_out(inside, score @ seen) @ seen.T)
     return Fit(
@@ -228,3 +231,18 @@ def _check(names: tuple[str, ...], values: np.ndarray, count: int) -> None:
             f"kinematic calibration: the pose would be {values[-1]:.3g} s late, beyond "
             f"{LONGEST_DELAY} s; align the clocks of pose and wheels first"
         )
+
+
+def _check_explained(windows: Windows, noise: tuple[float, float, float]) -> None:
+    spread = np.sqrt(np.mean(windows.pose.var(axis=1), axis=0))
+    parts = (
+        ("position", "m", float(np.sqrt(np.mean(spread[:2] ** 2))), noise[0], MOVES[0]),
+        ("yaw", "rad", float(spread[2]), noise[1], MOVES[1]),
+    )
+    for name, unit, moves, left, least in parts:
+        if moves > least and left > EXPLAINED * moves:
+            raise ValueError(
+                f"kinematic calibration: the {name} of the pose moves by {moves:.3g} {unit} within "
+                f"windows, of which {left:.3g} {unit} contradict the wheels; check units, signs and "
+                "clock of the pose"
+            )
