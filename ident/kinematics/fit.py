@@ -243,6 +243,6 @@ def _check_explained(windows: Windows, noise: tuple[float, float, float]) -> Non
         if moves > least and left > EXPLAINED * moves:
             raise ValueError(
                 f"kinematic calibration: the {name} of the pose moves by {moves:.3g} {unit} within "
-                f"windows, of which {left:.3g} {unit} contradict the wheels; check units, signs and "
-                "clock of the pose"
+                f"windows, of which {left:.3g} {unit} contradict the wheels; check units, signs "
+                "and clock of the pose"
             )

@@ -113,8 +113,8 @@ def _roller_words(ripple: Ripple, platform: Platform, gains: np.ndarray, finite:
     if finite:
         return text + (
             "Radii, base and roller angle are those beyond the rollers: the shorter way sideways "
-            "is not a wrong radius, and what is left of it is slip under load more often than a "
-            "wrong roller angle"
+            "is not a wrong radius. What is left of it, and a radius off by a percent, is slip "
+            "under load more often than a wrong drawing"
         )
     return text + (
         "The roller angle error here is this average, not a wrong radius and not badly made wheels"
