@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import console
+import numpy as np
 import typer
 
 from ident.identification import identify
@@ -24,7 +25,9 @@ from ident.report.outcome import (
     lump_rows,
     parameter_rows,
 )
-from youbot_env.model_file import load_model, save_model
+from youbot_env.envs.randomization import Posterior
+from youbot_env.model import Model
+from youbot_env.model_file import load_model, save_model, write_atomically
 from youbot_env.platform import Platform
 
 LOGS = console.ROOT / "logs"
@@ -57,6 +60,12 @@ def main(
     out: Annotated[Path, typer.Option(metavar="FILE", help="The identified model, YAML.")] = Path(
         "models/identified.yaml"
     ),
+    posterior: Annotated[
+        int,
+        typer.Option(
+            metavar="N", min=0, help="Draw N robots from the result and write their parameters."
+        ),
+    ] = 0,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
@@ -79,13 +88,15 @@ def main(
     gear: Annotated[
         float | None, typer.Option(help="Motor turns per wheel turn, where a log holds currents.")
     ] = None,
+    seed: console.Seed = 0,
 ) -> None:
     """Identify the parameters of a platform from measured logs.
 
-    Nothing in it is random: equal logs give equal results.
+    Only --posterior is random: equal logs give equal estimates.
     """
     page_file = None if report is None else report / "index.html"
-    console.check_writable(out, json_file, page_file)
+    draws_file = out.with_suffix(".posterior.csv") if posterior else None
+    console.check_writable(out, json_file, page_file, draws_file)
     if not logs:
         logs, test = [FIT], test or TEST
     before = load_model(model)
@@ -113,6 +124,8 @@ def main(
     usable = not outcome.problems
     if usable:
         save_model(replace(result.model, provenance=history), out)
+        if draws_file is not None:
+            write_posterior(result.model, posterior, seed, draws_file)
     written = {"model": console.shown(out) if usable else None}
     console.write_json(json_file, result.as_dict() | outcome.as_dict() | written
                        | {"provenance": history})  # fmt: skip
@@ -123,6 +136,16 @@ def main(
             f"{out} is not written, the identified model cannot be used: "
             + "; ".join(outcome.problems)
         )
+
+
+def write_posterior(model: Model, count: int, seed: int, path: Path) -> None:
+    """Write robots drawn from the identified covariance, one a row, as environments draw them."""
+    rng = np.random.default_rng(seed)
+    drawn = np.array([Posterior().draw(model, rng).values() for _ in range(count)])
+    lines = [",".join(model.names())]
+    lines += [",".join(f"{value:.6g}" for value in row) for row in drawn]
+    write_atomically(path, "\n".join(lines) + "\n")
+    console.out.print(f"posterior: {console.shown(path)}, {count} robots")
 
 
 def read_log(
