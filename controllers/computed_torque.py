@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from controllers import base
 from controllers.estimator import OPS
 from controllers.inverse import drive_command, required_wrench, shaft_torque
-from controllers.law import LawController, Tracking
+from controllers.law import LawController, LawSettings, Tracking
 from youbot_env.envs.task import TrackingTask
 from youbot_env.plant import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings(base.Settings):
+class Settings(LawSettings):
     """Settings of computed torque.
 
     Attributes:

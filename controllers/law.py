@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -12,7 +14,7 @@ from controllers.columns import Columns
 from controllers.estimator import OPS, Estimator, Situation
 from controllers.preview import preview_weights
 from youbot_env.model import Model
-from youbot_env.plant import Robot, State
+from youbot_env.plant import Robot, State, Structure
 from youbot_env.references import rotate_to_body
 
 
@@ -42,6 +44,17 @@ class Tracking(NamedTuple):
     twist_rate: tuple
 
 
+@dataclass(frozen=True, kw_only=True)
+class LawSettings(Settings):
+    """Settings with the preview that a law needs.
+
+    Attributes:
+        preview: the default of 20 periods sees across every delay that ``actuator_delay`` allows.
+    """
+
+    preview: int = 20
+
+
 class LawController(Controller):
     """Base of the controllers that compute torques in closed form.
 
@@ -64,10 +77,14 @@ class LawController(Controller):
 
     def set_model(self, model: Model) -> None:
         """See the base class; compiles when the effects are new to this controller."""
-        if self.task.preview < 2:
+        period = self.task.dt * self.task.preview_stride
+        delay = Structure.of(model).bind(model.values()).delay()
+        needed = max(2, math.ceil((delay + self.task.dt) / period - 1e-9))
+        if self.task.preview < needed:
             raise ValueError(
-                f"preview = {self.task.preview}; controller {self.name!r} needs at least 2 "
-                "reference twists ahead to know the acceleration"
+                f"preview = {self.task.preview} with {period:g} s between twists; controller "
+                f"{self.name!r} needs at least {needed} to know the acceleration of the reference "
+                f"after the model's delay of {delay:g} s"
             )
         super().set_model(model)
         self.estimator = Estimator(model, self.task, self.history)

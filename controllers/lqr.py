@@ -9,10 +9,9 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from controllers import base
 from controllers.computed_torque import commands_for, wrench_for
 from controllers.estimator import OPS
-from controllers.law import LawController, Tracking
+from controllers.law import LawController, LawSettings, Tracking
 from youbot_env.backend import weighted_sum
 from youbot_env.model import Model
 from youbot_env.plant import Robot, Structure
@@ -23,7 +22,7 @@ NODES = (3, 3, 5)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings(base.Settings):
+class Settings(LawSettings):
     """Settings of the regulator: errors and torques that weigh the same (Bryson's rule).
 
     Attributes:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections import Counter, deque
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 import casadi as ca
@@ -25,6 +24,8 @@ from youbot_env.model import Model
 from youbot_env.plant import Robot, Structure
 
 SOLVERS = {"rti": RealTimeIteration, "ipopt": Ipopt}
+# Solvers by name, effects and horizon; building one takes a second.
+_BUILT: dict[tuple, Solver] = {}
 # Solves that ``MPC.solves`` remembers one by one.
 REMEMBERED = 100_000
 
@@ -119,8 +120,7 @@ class MPC(ComputedTorque):
         """See the base class; builds a solver when the effects are new."""
         super().set_model(model)
         s, task, structure = self.settings, self.task, self.estimator.structure
-        hidden = _Hidden(structure)
-        self.solver: Solver = shared_solver(s.solver, structure.key, task.preview, hidden)
+        self.solver: Solver = shared_solver(s.solver, structure, task.preview)
         robot, nodes = structure.bind(model.values()), np.array(task.preview_times)
         # Where the drive lags it is commanded for the reference of so much later.
         lags = [
@@ -201,20 +201,9 @@ def _moved_on(rows: np.ndarray, stride: int) -> np.ndarray:
     return np.vstack([rows[:-1] + np.diff(rows, axis=0) / stride, rows[-1:]])
 
 
-class _Hidden:
-    """Carries the structure past the cache, whose key is ``Structure.key``."""
-
-    def __init__(self, structure: Structure):
-        self.structure = structure
-
-    def __eq__(self, other) -> bool:
-        return isinstance(other, _Hidden)
-
-    def __hash__(self) -> int:
-        return 0
-
-
-@lru_cache(maxsize=32)
-def shared_solver(name: str, key: tuple, steps: int, hidden: _Hidden) -> Solver:
+def shared_solver(name: str, structure: Structure, steps: int) -> Solver:
     """Build (or find) the solver for a set of effects and a horizon."""
-    return SOLVERS[name](hidden.structure, steps)
+    key = (name, structure.key, steps)
+    if key not in _BUILT:
+        _BUILT[key] = SOLVERS[name](structure, steps)
+    return _BUILT[key]

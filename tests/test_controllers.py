@@ -254,17 +254,19 @@ def test_bad_requests_name_the_value_and_the_remedy():
         make("kinematic", PAPER, gain=2.0)
     with pytest.raises(ValueError, match="bandwidth = -1"):
         make("computed_torque", PAPER, bandwidth=-1)
-    with pytest.raises(ValueError, match="preview = 1"):
+    with pytest.raises(ValueError, match=r"preview = 1 .* at least 2 "):
         make("computed_torque", PAPER, preview=1)
+    with pytest.raises(ValueError, match=r"preview = 5 .* at least 11 .* 0\.1 s"):
+        make("lqr", PAPER.with_effects({"actuator_delay": 0.1}), preview=5)
     controller = make("computed_torque", PAPER)
-    with pytest.raises(ValueError, match=r"\(\.\.\., 26\).*env_kwargs"):
+    with pytest.raises(ValueError, match=r"\(\.\.\., 71\).*env_kwargs"):
         controller.predict(np.zeros(11))
-    seen = np.zeros(26)
+    seen = np.zeros(71)
     seen[4] = np.nan
     with pytest.raises(ValueError, match=r"observation\[0, 4\] = nan"):
         controller.predict(seen)
     with pytest.raises(ValueError, match=r"state has shape \(1, 3\)"):
-        controller.predict(np.zeros(26), np.zeros(3))
+        controller.predict(np.zeros(71), np.zeros(3))
     from dataclasses import replace
 
     from youbot_env.platform import omni3
