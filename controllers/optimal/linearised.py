@@ -132,5 +132,26 @@ def newton_step(structure: Structure, steps: int) -> ca.Function:
     return ca.Function("newton", inputs, outputs)
 
 
+def response(size: int, wheels: int, steps: int) -> ca.Function:
+    """Trace the response of the linear problem to all commands.
+
+    Returns:
+        ``F(A, B, c, dx) -> (free, maps)`` with the matrices side by side and the initial change:
+        for each step the change (size,) without commands, (size, steps), and its derivative with
+        respect to all commands (size, steps n), below one another.
+    """
+    a, b = ca.MX.sym("A", size, size * steps), ca.MX.sym("B", size, wheels * steps)
+    c, start = ca.MX.sym("c", size, steps), ca.MX.sym("dx", size)
+    x, slopes, free, maps = start, ca.MX(size, 0), [], []
+    for k in range(steps):
+        one = a[:, k * size : (k + 1) * size]
+        x = one @ x + c[:, k]
+        slopes = ca.horzcat(one @ slopes, b[:, k * wheels : (k + 1) * wheels])
+        free.append(x)
+        maps.append(ca.horzcat(slopes, ca.MX.zeros(size, wheels * (steps - k - 1))))
+    outputs = [ca.horzcat(*free), ca.vertcat(*maps)]
+    return ca.Function("response", [a, b, c, start], outputs)
+
+
 def _sizes(structure: Structure) -> tuple[int, int]:
     return len(structure.flatten(structure.rest())), len(structure.platform.wheels)

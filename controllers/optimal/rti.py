@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from controllers.columns import Columns
-from controllers.optimal.linearised import newton_step
+from controllers.optimal.linearised import newton_step, response
 from controllers.optimal.problem import BODY
 from controllers.optimal.solution import Request, Solution
 from youbot_env.plant import Structure
@@ -30,6 +30,7 @@ class RealTimeIteration:
         self._newton = Columns(newton_step(structure, steps))
         self._steps, self._wheels = steps, len(structure.platform.wheels)
         self._size = len(structure.flatten(structure.rest()))
+        self._response = Columns(response(self._size, self._wheels, steps))
         count = steps * self._wheels
         pattern = {"h": ca.Sparsity.dense(count, count), "a": ca.Sparsity(0, count)}
         self._program = Columns(ca.conic("program", "daqp", pattern, {"error_on_fail": False}))
@@ -48,27 +49,19 @@ class RealTimeIteration:
 
     def _limited(self, request: Request, wanted: np.ndarray, linear: list) -> Solution:
         """Solve the quadratic program with the torque limits."""
-        steps, size, wheels = self._steps, self._size, self._wheels
-        a = linear[0].reshape(steps, size, size).transpose(0, 2, 1)
-        b = linear[1].reshape(steps, wheels, size).transpose(0, 2, 1)
-        c, q, g = (part.reshape(-1, size) for part in linear[2:])
-        start = np.zeros(size)
+        *matrices, q, g = linear
         planned = np.concatenate([request.pose, request.twists[0]]) + request.deviations[0]
+        start = np.zeros(self._size)
         start[:BODY] = request.state[:BODY] - planned
-        # Change of the state as a function of the changes of all commands, step by step.
-        maps, free = np.zeros((steps + 1, size, steps * wheels)), np.empty((steps + 1, size))
-        free[0] = start
-        for k in range(steps):
-            upto = (k + 1) * wheels
-            np.matmul(a[k], maps[k, :, :upto], out=maps[k + 1, :, :upto])
-            maps[k + 1, :, k * wheels : upto] += b[k]
-            free[k + 1] = a[k] @ free[k] + c[k]
-        stacked = maps[:, :BODY].reshape(-1, steps * wheels)
+        free, maps = self._response.one(*matrices, start)
+        # The first state is given; its cost does not depend on the commands.
+        q, g = q[self._size :], g[self._size :]
+        maps = maps.reshape(-1, len(free))
         command_weight, limit = request.weights[BODY], request.weights[-1]
         bends = request.bends.ravel()
-        hessian = stacked.T @ (q[:, :BODY].reshape(-1, 1) * stacked)
-        hessian.flat[:: steps * wheels + 1] += command_weight
-        slope = stacked.T @ (q * free + g)[:, :BODY].ravel() + command_weight * bends
+        hessian = (maps * q) @ maps.T
+        hessian.flat[:: len(hessian) + 1] += command_weight
+        slope = maps @ (q * free + g) + command_weight * bends
         low, high = -limit - wanted - bends, limit - wanted - bends
         change = self._minimise(hessian, slope, low, high)
         gradient = hessian @ change + slope
@@ -79,7 +72,7 @@ class RealTimeIteration:
             return self._answer(
                 False, f"inexact ({error:.1e} N m)", request.deviations, bends, wanted
             )
-        states = free + maps @ change
+        states = np.concatenate([start, free + change @ maps]).reshape(-1, self._size)
         improved = request.deviations + states[:, :BODY]
         return self._answer(True, "solved at a limit", improved, bends + change, wanted)
 
