@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import importlib
 
-_HOME = {"Log": "ident.log", "identify": "ident.identification"}
-__all__ = ["Log", "identify"]
+_HOME = {
+    "Log": "ident.log",
+    "compare": "ident.comparison",
+    "identify": "ident.identification",
+}
+__all__ = ["Log", "compare", "identify"]
 
 
 def __getattr__(name: str):

@@ -1,7 +1,7 @@
 """Every effect of the library tried on top of a model: its size, and what it would improve.
 
-An effect is fitted with the base parameters, its nonlinear parameters profiled over a grid; the error
-that is left is measured on a record that was not used for the fit.
+An effect is fitted with the base parameters, its nonlinear parameters profiled over a grid; the
+error that is left is measured on a record that was not used for the fit.
 """
 
 from __future__ import annotations
