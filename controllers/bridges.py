@@ -12,7 +12,8 @@ from controllers.estimator import OPS
 from controllers.inverse import SETTLED, feedforward
 from youbot_env.backend import FLOAT
 from youbot_env.model import Model
-from youbot_env.plant import Structure, pose_rate
+from youbot_env.plant import Structure
+from youbot_env.stepping import pose_rate
 
 if TYPE_CHECKING:
     import control

@@ -18,8 +18,9 @@ from youbot_env.backend import casadi_ops
 from youbot_env.compiled import advance_function
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model import Model
-from youbot_env.plant import Structure, pose_rate, rk4_step
+from youbot_env.plant import Structure
 from youbot_env.simulation import choose_substeps
+from youbot_env.stepping import pose_rate, rk4_step
 
 OPS = casadi_ops()
 

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-import os
-import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -19,6 +17,7 @@ import numpy as np
 from ident.doctor import Finding, LogError, examine
 from ident.doctor.record import channel_columns
 from ident.loaders import read
+from youbot_env.model_file import write_atomically
 from youbot_env.platform import Platform, youbot
 
 CHANNELS = (
@@ -212,18 +211,7 @@ class Log:
             value = getattr(self, channel) if channel in CHANNELS else None
             if value is not None:
                 columns |= dict(zip(names, value.reshape(len(value), -1).T, strict=True))
-        path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                pl.DataFrame(columns).write_csv(stream)
-            os.chmod(temporary, 0o644)
-            os.replace(temporary, path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
-        return path
+        return write_atomically(path, pl.DataFrame(columns).write_csv().encode("utf-8"))
 
     def __repr__(self) -> str:
         there = [field.name for field in fields(self) if field.name in CHANNELS]

@@ -15,7 +15,8 @@ from youbot_env.compiled import Hidden
 from youbot_env.dynamics import factorize, solve
 from youbot_env.effects.base import Signals
 from youbot_env.model import Model
-from youbot_env.plant import Robot, Structure, pose_rate
+from youbot_env.plant import Robot, Structure
+from youbot_env.stepping import pose_rate
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,9 @@ import gymnasium as gym
 import numpy as np
 import typer
 
-import youbot_env  # noqa: F401  registers the environments
+import youbot_env
+
+gym.register_envs(youbot_env)
 
 ROUNDS = 40
 

@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import youbot_env  # noqa: F401  registers the environments
+import youbot_env
 from controllers import controller_names, make
 from controllers.estimator import Estimator
 from controllers.inverse import drive_command, required_wrench, shaft_torque
@@ -18,6 +18,8 @@ from youbot_env.model_file import load_model
 from youbot_env.plant import Structure
 from youbot_env.references import make_reference
 from youbot_env.simulation import AnalyticPlant, Sensors
+
+gym.register_envs(youbot_env)
 
 PAPER, NOMINAL = load_model("paper"), load_model("nominal")
 CLOSED_FORM = ("kinematic", "computed_torque", "lqr", "adaptive")

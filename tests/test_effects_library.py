@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from youbot_env import plant
+from youbot_env import stepping
 from youbot_env.backend import FLOAT, NUMPY
 from youbot_env.compiled import Stepper, advance_function
 from youbot_env.effect_table import effect_table
@@ -117,7 +117,7 @@ def test_same_on_floats_batches_and_symbols(name, platform):
     times, values = START + rng.uniform(0, 4, count), np.array(model.values())
 
     def run(values, state, torques, t, ops):
-        after = plant.advance(
+        after = stepping.advance(
             structure.bind(values), structure.unflatten(state), torques, DT, SUBSTEPS, t, ops
         )
         return structure.flatten(after)

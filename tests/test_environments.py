@@ -8,12 +8,14 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
-import youbot_env  # noqa: F401  registers the environments
+import youbot_env
 from youbot_env.envs.randomization import Independent, Posterior
 from youbot_env.model_file import load_model
 from youbot_env.parameters import ImpossibleParameters
 from youbot_env.references import Circle, Multisine
 from youbot_env.simulation import Sensors
+
+gym.register_envs(youbot_env)
 
 SPREAD = Independent({"m0": ("scale", 0.8, 1.2), "mu1": ("uniform", 0.05, 0.2)})
 CASES = {

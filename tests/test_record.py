@@ -13,12 +13,14 @@ import numpy as np
 import polars as pl
 import pytest
 
-import youbot_env  # noqa: F401  registers the environments
+import youbot_env
 from youbot_env.model_file import load_model
 from youbot_env.platform import omni3, youbot
 from youbot_env.recording import RecordLog, channel_columns, record_motion, write_table
 from youbot_env.references import make_reference
 from youbot_env.simulation import AnalyticPlant, Sensors
+
+gym.register_envs(youbot_env)
 
 SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
 LOGS = SCRIPTS.parent / "logs"

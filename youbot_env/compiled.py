@@ -1,6 +1,6 @@
 """The plant's time step as one CasADi function, for single simulations and for derivatives.
 
-The function is traced from ``plant.advance``; nothing of the physics is repeated here.  Called
+The function is traced from ``stepping.advance``; nothing of the physics is repeated here.  Called
 through raw buffers it costs about a microsecond, which makes it the fast way to simulate one robot.
 """
 
@@ -12,7 +12,8 @@ import casadi as ca
 import numpy as np
 
 from youbot_env.backend import casadi_ops
-from youbot_env.plant import Structure, advance
+from youbot_env.plant import Structure
+from youbot_env.stepping import advance
 
 
 def advance_function(structure: Structure, substeps: int = 1, history: int = 1) -> ca.Function:

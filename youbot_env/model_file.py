@@ -165,19 +165,21 @@ def save_model(model: Model, path: str | os.PathLike) -> None:
     write_atomically(path, text)
 
 
-def write_atomically(path: str | os.PathLike, text: str) -> None:
-    """Write text to a temporary file beside ``path`` and rename it into place."""
+def write_atomically(path: str | os.PathLike, content: str | bytes) -> Path:
+    """Write to a temporary file beside ``path``, rename it into place, and return the path."""
     path = Path(path)
+    data = content.encode("utf-8") if isinstance(content, str) else content
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+    return path
 
 
 def _platform(data: object) -> Platform:

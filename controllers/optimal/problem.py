@@ -17,7 +17,8 @@ import casadi as ca
 
 from controllers.estimator import OPS
 from controllers.inverse import feedforward
-from youbot_env.plant import Robot, State, Structure, pose_rate
+from youbot_env.plant import Robot, State, Structure
+from youbot_env.stepping import pose_rate
 
 # Pose and velocity come first in the flat state.
 BODY = 6

@@ -20,7 +20,7 @@ from ident.report.look import (
     thin,
 )
 from youbot_env.backend import NUMPY
-from youbot_env.plant import pose_rate
+from youbot_env.stepping import pose_rate
 
 SHOWN = 60.0  # s; more would hide the shape of the motion
 

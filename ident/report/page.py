@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import base64
 import os
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from ident.report.look import pretty
+from youbot_env.model_file import write_atomically
 
 HERE = Path(__file__).parent
 
@@ -131,19 +131,5 @@ class Page:
         for section in self.sections:
             for block in section.blocks:
                 if block.kind == "picture":
-                    _write(folder / f"{block.name}.png", block.png)
-        return _write(folder / "index.html", html.encode("utf-8"))
-
-
-def _write(path: Path, content: bytes) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-    return path
+                    write_atomically(folder / f"{block.name}.png", block.png)
+        return write_atomically(folder / "index.html", html)

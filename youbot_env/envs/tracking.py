@@ -10,14 +10,11 @@ import numpy as np
 
 from youbot_env.backend import FLOAT, NUMPY
 from youbot_env.envs.look import Look
-from youbot_env.envs.noise import BLOCK, noise_block, noise_scale
+from youbot_env.envs.noise import BLOCK, noise_block
 from youbot_env.envs.options import EpisodeOptions, check_action
-from youbot_env.envs.randomization import Randomization
-from youbot_env.envs.task import TrackingTask
+from youbot_env.envs.settings import TrackingSettings
 from youbot_env.model import Model
-from youbot_env.model_file import load_model
-from youbot_env.references import Reference, make_reference
-from youbot_env.simulation import AnalyticPlant, Sensors, WheelLoop
+from youbot_env.simulation import AnalyticPlant
 
 # How much of the reference path is drawn, s.
 DRAWN_SECONDS = 60.0
@@ -62,8 +59,8 @@ class TrackingEnv(gym.Env):
     ``max_episode_steps`` (1000 registered), or at the end of a reference that has one.
 
     ## Arguments
-    See ``__init__``.  ``info`` holds ``time`` (s), ``pose``, ``reference_pose`` (m, m, rad) and
-    ``torque`` (N m); after a reset with ``reveal_parameters`` also ``true_parameters``.
+    See ``TrackingSettings``.  ``info`` holds ``time`` (s), ``pose``, ``reference_pose`` (m, m,
+    rad) and ``torque`` (N m); after a reset with ``reveal_parameters`` also ``true_parameters``.
 
     ## Version history
     * v0: first version
@@ -71,59 +68,25 @@ class TrackingEnv(gym.Env):
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
 
-    def __init__(
-        self,
-        model: str | Model = "paper",
-        action_level: str = "torque",
-        reference: str | Reference = "circle",
-        reference_options: dict[str, Any] | None = None,
-        dt: float = 0.01,
-        preview: int = 5,
-        preview_stride: int = 10,
-        torque_limit: float = 4.0,
-        speed_limit: float = 0.8,
-        yaw_rate_limit: float = 1.6,
-        randomization: Randomization | None = None,
-        reveal_parameters: bool = False,
-        sensors: Sensors | None = None,
-        wheel_loop: WheelLoop | None = None,
-        render_mode: str | None = None,
-    ):
+    def __init__(self, render_mode: str | None = None, **settings: Any):
         """Make the environment.
 
         Args:
-            model: the true robot: a model, a model file, or ``nominal`` or ``paper``.
-            action_level: ``torque`` or ``velocity``.
-            reference: a name (circle, eight, multisine, step, smooth_random, I, II, III, IV,
-                calibration) or a ``Reference``.
-            reference_options: arguments of a named reference, e.g. ``{"speed": (0.1, 0.5)}``.
-            dt: control period, s; actions are held.
-            preview, preview_stride: see the observation.
-            torque_limit: torque of action 1, N m.
-            speed_limit, yaw_rate_limit: velocities of action 1 on the kinematic level.
-            randomization: draws the true robot of each episode around ``model``.
-            reveal_parameters: put the drawn robot into ``info["true_parameters"]`` at reset.
-            sensors: noise of the observation; None observes exactly.
-            wheel_loop: gains of the loops on board (level ``velocity``).
             render_mode: ``rgb_array``, ``human`` or None.
+            **settings: fields of ``TrackingSettings``.
 
         Raises:
+            TypeError: an unknown argument.
             ValueError: an argument that cannot be used; the message names value and remedy.
         """
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(
                 f"render_mode = {render_mode!r}; choose one of {self.metadata['render_modes']}"
             )
-        self.model = load_model(model)
-        self.task = TrackingTask(
-            self.model.platform, action_level, dt, preview, preview_stride, torque_limit,
-            speed_limit, yaw_rate_limit,
-        )  # fmt: skip
-        self.reference = make_reference(reference, **(reference_options or {}))
-        self.randomization, self.reveal_parameters = randomization, reveal_parameters
-        self.sensors = sensors
-        self._noise_scale = noise_scale(sensors, self.model.platform) if sensors else None
-        self.wheel_loop = wheel_loop or WheelLoop(limit=torque_limit)
+        chosen = TrackingSettings(**settings)
+        self.model, self.task, self.reference = chosen.robot, chosen.task, chosen.followed
+        self.randomization, self.reveal_parameters = chosen.randomization, chosen.reveal_parameters
+        self.sensors, self.wheel_loop, self._noise_scale = chosen.sensors, chosen.loop, chosen.noise
         self.render_mode = render_mode
         self.action_space = self.task.action_space
         self.observation_space = self.task.observation_space

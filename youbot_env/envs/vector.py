@@ -11,17 +11,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from youbot_env.backend import NUMPY, NUMPY_FAST
-from youbot_env.envs.noise import BLOCK, noise_block, noise_scale
+from youbot_env.envs.noise import BLOCK, noise_block
 from youbot_env.envs.options import EpisodeOptions
-from youbot_env.envs.randomization import Randomization
 from youbot_env.envs.schedule import make_schedule
-from youbot_env.envs.task import TrackingTask
-from youbot_env.model import Model
-from youbot_env.model_file import load_model
-from youbot_env.plant import State, Structure, advance
-from youbot_env.references import Reference, make_reference
-from youbot_env.simulation import Sensors, WheelLoop, choose_substeps
+from youbot_env.envs.settings import TrackingSettings
+from youbot_env.plant import State, Structure
+from youbot_env.simulation import choose_substeps
 from youbot_env.simulation.analytic import history_length
+from youbot_env.stepping import advance
 
 
 class TrackingVectorEnv(VectorEnv):
@@ -39,23 +36,10 @@ class TrackingVectorEnv(VectorEnv):
         num_envs: int = 1,
         max_episode_steps: int = 1000,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        model: str | Model = "paper",
-        action_level: str = "torque",
-        reference: str | Reference = "circle",
-        reference_options: dict[str, Any] | None = None,
-        dt: float = 0.01,
-        preview: int = 5,
-        preview_stride: int = 10,
-        torque_limit: float = 4.0,
-        speed_limit: float = 0.8,
-        yaw_rate_limit: float = 1.6,
-        randomization: Randomization | None = None,
-        reveal_parameters: bool = False,
-        sensors: Sensors | None = None,
-        wheel_loop: WheelLoop | None = None,
         render_mode: str | None = None,
+        **settings: Any,
     ):
-        """Make ``num_envs`` copies; see ``TrackingEnv.__init__`` for the arguments they share."""
+        """Make ``num_envs`` copies; ``settings`` are fields of ``TrackingSettings``."""
         if not isinstance(num_envs, int) or num_envs < 1:
             raise ValueError(f"num_envs = {num_envs!r}; give a whole number of at least 1")
         if render_mode is not None:
@@ -65,23 +49,17 @@ class TrackingVectorEnv(VectorEnv):
             )
         self.metadata = {**self.metadata, "autoreset_mode": AutoresetMode(autoreset_mode)}
         self.num_envs, self.max_episode_steps = num_envs, max_episode_steps
-        self.model = load_model(model)
-        self.task = TrackingTask(
-            self.model.platform, action_level, dt, preview, preview_stride, torque_limit,
-            speed_limit, yaw_rate_limit,
-        )  # fmt: skip
-        self.reference = make_reference(reference, **(reference_options or {}))
-        self.randomization, self.reveal_parameters = randomization, reveal_parameters
-        self.sensors = sensors
-        self._noise_scale = noise_scale(sensors, self.model.platform) if sensors else None
-        self.wheel_loop = wheel_loop or WheelLoop(limit=torque_limit)
+        chosen = TrackingSettings(**settings)
+        self.model, self.task, self.reference = chosen.robot, chosen.task, chosen.followed
+        self.randomization, self.reveal_parameters = chosen.randomization, chosen.reveal_parameters
+        self.sensors, self.wheel_loop, self._noise_scale = chosen.sensors, chosen.loop, chosen.noise
         self.single_action_space = self.task.action_space
         self.single_observation_space = self.task.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._high = self.single_observation_space.high[:, None]
         self._structure = Structure.of(self.model)
-        self._substeps = choose_substeps(self.model, dt)
+        self._substeps = choose_substeps(self.model, self.task.dt)
         self._generators: list[np.random.Generator] = []
         self._schedule = make_schedule(self.reference, self.task, num_envs, max_episode_steps)
         self._state: State | None = None

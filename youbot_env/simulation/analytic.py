@@ -45,7 +45,7 @@ def choose_substeps(model: Model, dt: float) -> int:
 
 
 def history_length(structure: Structure, longest_delay: float, dt: float) -> int:
-    """How many torque commands ``plant.advance`` needs for delays up to ``longest_delay``, s."""
+    """How many torque commands ``stepping.advance`` needs for delays up to ``longest_delay``, s."""
     if not any(effect.acts("delay") for effect in structure.effects):
         return 1
     return math.floor(longest_delay / dt) + 2

@@ -14,11 +14,12 @@ import numpy as np
 from youbot_env.backend import NUMPY, casadi_ops
 from youbot_env.compiled import Hidden
 from youbot_env.model import Model
-from youbot_env.plant import Structure, advance
+from youbot_env.plant import Structure
 from youbot_env.references import Reference
 from youbot_env.simulation.analytic import choose_substeps, history_length
 from youbot_env.simulation.sensors import Sensors
 from youbot_env.simulation.wheel_loop import WheelLoop
+from youbot_env.stepping import advance
 
 
 def record_closed_loop(
