@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 from youbot_env.references.base import Motion, Reference, rotate_to_body
 from youbot_env.references.calibration import (
     MotionI,
@@ -11,6 +14,7 @@ from youbot_env.references.calibration import (
     Sequence,
     calibration_sequence,
 )
+from youbot_env.references.designed import Fourier, MotionFileError, load_motion, save_motion
 from youbot_env.references.harmonic import Circle, Eight, Harmonic, Multisine, SmoothRandom
 from youbot_env.references.step import Step
 
@@ -18,8 +22,10 @@ __all__ = [
     "REFERENCES",
     "Circle",
     "Eight",
+    "Fourier",
     "Harmonic",
     "Motion",
+    "MotionFileError",
     "MotionI",
     "MotionII",
     "MotionIII",
@@ -30,8 +36,10 @@ __all__ = [
     "SmoothRandom",
     "Step",
     "calibration_sequence",
+    "load_motion",
     "make_reference",
     "rotate_to_body",
+    "save_motion",
 ]
 
 REFERENCES = {
@@ -48,20 +56,31 @@ REFERENCES = {
 }
 
 
-def make_reference(reference: str | Reference, **options) -> Reference:
-    """Return a reference given by name, or the object itself.
+def make_reference(reference: str | os.PathLike | Reference, **options) -> Reference:
+    """Return a reference given by name or motion file, or the object itself.
 
     Args:
-        reference: a name of ``REFERENCES`` or a ``Reference``.
+        reference: a name of ``REFERENCES``, the path of a motion file (``.yaml``), or a
+            ``Reference``.
         **options: arguments of the named reference (speed, frequency, ...).
 
     Raises:
-        ValueError: unknown name; TypeError: unknown option.
+        ValueError: unknown name or unusable motion file; TypeError: unknown option.
     """
     if isinstance(reference, Reference):
         if options:
             raise TypeError(f"{sorted(options)}: give options with a name, not with an object")
         return reference
+    if Path(reference).suffix in (".yaml", ".yml"):
+        if options:
+            raise ValueError(
+                f"motion file {os.fspath(reference)!r} states its own motion; leave out "
+                f"{sorted(options)}"
+            )
+        return load_motion(reference)
     if reference not in REFERENCES:
-        raise ValueError(f"unknown reference {reference!r}; known: {sorted(REFERENCES)}")
+        raise ValueError(
+            f"unknown reference {reference!r}; known: {sorted(REFERENCES)}, or a motion file "
+            "ending in .yaml"
+        )
     return REFERENCES[reference](**options)
