@@ -12,10 +12,9 @@ import numpy as np
 from scipy.linalg import orth
 
 from ident.estimators import Estimate
-from ident.observability import SMALL, Observability, parameter_sizes
+from ident.observability import SMALL, Observability, coordinate_factors, parameter_sizes
 from ident.regression import Regression
 from youbot_env.model import Model
-from youbot_env.parameters import x_scale
 
 ROUNDING = 1e-6
 
@@ -44,7 +43,7 @@ class Seen:
     ) -> Seen:
         """Take the directions from an analysis of the regression; model gives the sizes."""
         names = regression.names
-        scale = np.concatenate([x_scale(model.platform), np.ones(len(names) - 7)])
+        scale = coordinate_factors(names, model)
         sizes, null = parameter_sizes(names, model), observability.null / scale
         free = np.eye(len(names))
         if regression.allowed is not None:

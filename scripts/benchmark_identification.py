@@ -157,4 +157,4 @@ def speed(seed: int) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    console.run(benchmark, f"--robots 20 --json {Path('benchmarks/identification.json')}")
+    console.run(benchmark, f"--robots 20 --json {Path('docs/benchmarks/identification.json')}")

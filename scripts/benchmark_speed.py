@@ -70,4 +70,4 @@ def turn(env, steps: int) -> float:
 
 
 if __name__ == "__main__":
-    console.run(benchmark, "--json benchmarks/speed.json")
+    console.run(benchmark, "--json docs/benchmarks/speed.json")

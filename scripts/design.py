@@ -152,4 +152,4 @@ def report(found: Design, rows: dict[str, dict], runs: int, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    console.run(design, "--for m0 --seconds 60 --speed 0.3 --out motions/m0.yaml")
+    console.run(design, "--for m0 --seconds 60 --speed 0.3 --out models/motions/m0.yaml")

@@ -19,9 +19,9 @@ from youbot_env.effects import Parameter, effect_names, get_effect
 from youbot_env.model import Model
 
 # Sizes of a nonlinear parameter that are tried, in units of its typical size.
-PROFILE = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
-# Passes in which laws that depend on the robot's own parameters settle.
-PASSES = 2
+PROFILE = (0.25, 0.5, 0.75, 1.0, 1.5)
+# Below this drop of the held-out equation error the costly free run is not worth its time.
+SCREEN = 0.03
 # Stretches of the held-out record whose losses are compared.
 STRETCHES = 24
 
@@ -75,16 +75,20 @@ class Candidate:
 
 def fit_base(log: Log, model: Model) -> Model:
     """Fit what enters linearly; nonlinear parameters keep their values."""
-    return fit_linear(log, model)[0]
+    return fit_linear(log, model, passes=2)[0]
 
 
-def fit_linear(log: Log, model: Model) -> tuple[Model, Estimate, Regression]:
+def fit_linear(log: Log, model: Model, passes: int = 1) -> tuple[Model, Estimate, Regression]:
     """Fit theta and the linear parameters of all effects of a model.
 
     Instruments are used where the log has a reference and no effect reads the torque: a column
     made of torque would need a simulated one.
+
+    Args:
+        log: measured record.
+        model: start; nonlinear parameters keep their values.
+        passes: more than one lets laws settle that depend on the robot's own parameters.
     """
-    passes = PASSES if model.effects else 1
     for _ in range(passes):
         regression = build_regression(log, model)
         known = dict(zip(model.names(), model.values(), strict=True))
@@ -108,9 +112,11 @@ def equation_error(regression: Regression, model: Model) -> tuple[float, np.ndar
     return float(np.sqrt(squared.mean())), squared
 
 
-def measure_loss(log: Log, model: Model) -> Loss:
-    """Errors of a model on a record it was not fitted to."""
+def measure_loss(log: Log, model: Model, worth: float = np.inf) -> Loss | None:
+    """Errors of a model on a record it was not fitted to; None where the equations leave more."""
     equation, squared = equation_error(build_regression(log, model), model)
+    if equation > worth:
+        return None
     run = free_run(log, model)
     spread = np.maximum(run.measured.std(axis=0), 1e-9)
     free = np.mean(((run.simulated - run.measured) / spread) ** 2, axis=1)
@@ -119,14 +125,19 @@ def measure_loss(log: Log, model: Model) -> Loss:
 
 
 def fit_candidates(
-    fit: Log, held_out: Log, base: Model, progress: Callable[[int], None] | None = None
+    fit: Log,
+    held_out: Log,
+    base: Model,
+    before: Loss,
+    progress: Callable[[int], None] | None = None,
 ) -> list[Candidate]:
-    """Fit every effect of the library that the model does not have yet."""
+    """Fit every effect that the model does not have yet; return those that help the equations."""
     present = {active.identifier for active in base.effects}
+    worth = (1.0 - SCREEN) * before.equation
     found = []
     for number, identifier in enumerate(effect_names()):
         if identifier not in present:
-            candidate = fit_candidate(fit, held_out, base, identifier)
+            candidate = fit_candidate(fit, held_out, base, identifier, worth)
             if candidate is not None:
                 found.append(candidate)
         if progress is not None:
@@ -134,8 +145,10 @@ def fit_candidates(
     return found
 
 
-def fit_candidate(fit: Log, held_out: Log, base: Model, identifier: str) -> Candidate | None:
-    """Fit one effect; None where it cannot be evaluated on this platform or record."""
+def fit_candidate(
+    fit: Log, held_out: Log, base: Model, identifier: str, worth: float = np.inf
+) -> Candidate | None:
+    """Fit one effect; None where it cannot be evaluated here or leaves more than ``worth``."""
     effect, best = get_effect(identifier), None
     for values in _profile(effect, base, fit):
         try:
@@ -147,7 +160,9 @@ def fit_candidate(fit: Log, held_out: Log, base: Model, identifier: str) -> Cand
             best = (error, model, estimate)
     if best is None:
         return None
-    error, model, estimate = best
+    # Once more at the values found: some laws (a slope) depend on the mass beside them.
+    model, estimate, regression = fit_linear(fit, best[1])
+    error = equation_error(regression, model)[0]
     sizes = dict(model.effects[-1].values)
     deviations = dict(zip(estimate.names, estimate.standard_errors.tolist(), strict=True))
     errors = {
@@ -155,7 +170,9 @@ def fit_candidate(fit: Log, held_out: Log, base: Model, identifier: str) -> Cand
         for name in sizes
         if f"{identifier}.{name}" in deviations
     }
-    loss = measure_loss(held_out, _within_bounds(model))
+    loss = measure_loss(held_out, _within_bounds(model), worth)
+    if loss is None:
+        return None
     return Candidate(identifier, model, sizes, errors, estimate.clusters, error, loss)
 
 
