@@ -10,9 +10,10 @@ import importlib
 _HOME = {
     "Log": "ident.log",
     "compare": "ident.comparison",
+    "diagnose": "ident.diagnosis.verdict",
     "identify": "ident.identification",
 }
-__all__ = ["Log", "compare", "identify"]
+__all__ = ["Log", "compare", "diagnose", "identify"]
 
 
 def __getattr__(name: str):
