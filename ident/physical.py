@@ -12,6 +12,8 @@ from youbot_env.model import Model
 from youbot_env.parameters import Parameters, x_scale
 
 LUMPS = {"x1+x3": ("m0", "I1"), "x2+x3": ("I0", "I1"), "x6": ("mu1",), "x7": ("mu2",)}
+# Corners of the body are farther from O than the wheels: 0.347 m against 0.279 m on the youBot.
+OVERHANG = 1.25
 LUMP_UNITS = {"x1+x3": "kg m^2", "x2+x3": "kg m^2", "x6": "N m s", "x7": "N m s"}
 
 
@@ -55,12 +57,13 @@ def doubts(model: Model, quantities: dict[str, Any]) -> list[str]:
     found = []
     for problem in parameters.problems(platform):
         found.append(f"impossible: {problem}; {_usual_cause(problem)}")
-    # All mass in the wheel corners gives the largest inertia the footprint allows.
-    footprint = parameters.m0 * platform.reach**2
+    # All mass at the corners of the body gives the largest inertia its footprint allows.
+    footprint = parameters.m0 * (OVERHANG * platform.reach) ** 2
     if footprint < parameters.I0:
         found.append(
             f"I0 = {parameters.I0:.3g} kg m^2 is more than {footprint:.3g} kg m^2, all mass at the "
-            "wheels; it has absorbed an unmodelled yaw effect (scrub, gain, delay, L too large)"
+            "corners of the body; it has absorbed an unmodelled yaw effect (scrub, gain, delay, L "
+            "too large)"
         )
     for name, quantity in quantities.items():
         if quantity.ci95 is not None and name in ("m0", "I0", "I1", "mu1", "mu2"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +12,7 @@ import console
 import numpy as np
 import typer
 
+from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
 from ident.identification import identify
 from ident.log import Log
 from ident.quantities import UNSEEN
@@ -66,6 +67,14 @@ def main(
             metavar="N", min=0, help="Draw N robots from the result and write their parameters."
         ),
     ] = 0,
+    by_motion: Annotated[
+        bool,
+        typer.Option(
+            "--by-motion",
+            help="Also identify motion by motion, as the paper does: the first log holds the "
+            "motions I, III, II, IV, a quarter of the time each.",
+        ),
+    ] = False,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
@@ -109,6 +118,9 @@ def main(
         refuse_double([*measured, *([] if untouched is None else [untouched])])
         show(1)
         result = identify(measured, before, added, untouched, method, name=out.stem)
+        decomposed = None
+        if by_motion:
+            decomposed = identify_by_motion(cut_calibration(measured[0]), result.prior)
         show(2)
         outcome = Outcome.of(result, before)
         show(3)
@@ -127,15 +139,33 @@ def main(
         if draws_file is not None:
             write_posterior(result.model, posterior, seed, draws_file)
     written = {"model": console.shown(out) if usable else None}
-    console.write_json(json_file, result.as_dict() | outcome.as_dict() | written
-                       | {"provenance": history})  # fmt: skip
+    content = result.as_dict() | outcome.as_dict() | written
+    if decomposed is not None:
+        content["by_motion"] = asdict(decomposed)
+    console.write_json(json_file, content | {"provenance": history})
     address = None if page is None else page.write(report)
     tell(outcome, out if usable else None, address)
+    if decomposed is not None:
+        tell_by_motion(decomposed)
     if not usable:
         raise console.CheckFailed(
             f"{out} is not written, the identified model cannot be used: "
             + "; ".join(outcome.problems)
         )
+
+
+def tell_by_motion(found: MotionIdentification) -> None:
+    """Show each parameter from the motion that sees it best beside the joint fit."""
+    rows = [
+        (name, source or "none", f"{value:.4g} +- {error:.2g}", f"{joint:.4g} +- {spread:.2g}")
+        for name, source, value, error, joint, spread in zip(
+            found.names, found.source, found.decomposed, found.decomposed_errors,
+            found.joint, found.joint_errors, strict=True,
+        )
+    ]  # fmt: skip
+    console.out.print()
+    head = ("", "motion", "from its motion", "joint fit")
+    console.table("Motion by motion, value +- standard error, kg m^2 and N m s", head, rows)
 
 
 def write_posterior(model: Model, count: int, seed: int, path: Path) -> None:

@@ -161,6 +161,20 @@ def test_a_model_that_predicts_worse_is_not_written(command, logs, tmp_path):
     assert json.loads((tmp_path / "r.json").read_text())["model"] is None
 
 
+def test_motions_one_by_one_and_draws_of_the_posterior(command, logs, tmp_path):
+    status, printed = command(
+        logs / "fit.csv", "--by-motion", "--posterior", 20, "--out", "m.yaml", "--json", "m.json"
+    )
+    assert status == 0
+    assert "Motion by motion" in printed.out
+    found = json.loads((tmp_path / "m.json").read_text())["by_motion"]
+    assert found["motions"] == ["I", "III", "II", "IV"]
+    assert len(found["decomposed"]) == len(found["joint"]) == 7
+    drawn = np.genfromtxt(tmp_path / "m.posterior.csv", delimiter=",", names=True)
+    assert drawn.shape == (20,)
+    assert np.std(drawn["m0"]) > 0
+
+
 def test_thinning_keeps_peaks_and_lifts_the_pen_between_pieces():
     x = np.arange(100_000.0)
     y = np.sin(x / 5000)
