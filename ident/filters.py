@@ -63,16 +63,6 @@ def linear_hold(u: np.ndarray, time: np.ndarray, a: float, start: np.ndarray | f
     return FirstOrderFilter(time, a).linear(u, start)
 
 
-def zero_hold(u: np.ndarray, time: np.ndarray, a: float, start: np.ndarray | float = 0.0):
-    """Filter a signal (N, ...) that keeps each sample's value until the next (torques)."""
-    return FirstOrderFilter(time, a).hold(u[:-1], u[:-1], start)
-
-
-def linear_hold_rate(u: np.ndarray, time: np.ndarray, a: float) -> np.ndarray:
-    """Filtered time derivative of a signal (N, ...) that runs straight from sample to sample."""
-    return FirstOrderFilter(time, a).rate(u)
-
-
 def delayed_hold(u: np.ndarray, time: np.ndarray, delay: float) -> np.ndarray:
     """Mean over each sample interval of a held signal that arrives ``delay`` seconds late.
 

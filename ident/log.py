@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from ident.doctor import Finding, LogError, examine
-from ident.doctor.record import channel_columns
 from ident.loaders import read
+from youbot_env.channels import channel_columns
 from youbot_env.model_file import write_atomically
 from youbot_env.platform import Platform, youbot
 

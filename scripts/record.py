@@ -13,9 +13,10 @@ import console
 import numpy as np
 import typer
 
+from youbot_env.channels import channel_columns
 from youbot_env.model import Model
 from youbot_env.model_file import load_model, model_to_dict, save_model
-from youbot_env.recording import channel_columns, record_motion, write_table
+from youbot_env.recording import record_motion, write_table
 from youbot_env.references import REFERENCES, Reference, make_reference
 from youbot_env.simulation import AnalyticPlant, Sensors, WheelLoop
 

@@ -19,8 +19,8 @@ from youbot_env.platform import omni3, youbot
 PLATFORM = youbot()
 PAPER = Parameters(m0=35.3, I0=4.4, I1=6e-3, a_x=0.016, a_y=-0.026, mu1=0.11, mu2=5.78e-3)
 NAMES = effect_names()
-LINKS = {"drive", "shaft", "roller", "body", "kinematics", "sensor"}
-HOOKS = ("drive", "delay", "shaft", "roller", "body", "inertial", "kinematics", "slip", "measure")
+LINKS = {"drive", "shaft", "roller", "body", "kinematics"}
+HOOKS = ("drive", "delay", "shaft", "roller", "body", "inertial", "kinematics", "slip")
 DT, SUBSTEPS = 0.01, 2
 # A record under way: what drifts has drifted, and a payload changes during five seconds.
 START = 58.0

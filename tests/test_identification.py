@@ -7,7 +7,7 @@ import pytest
 from shared_data import shared
 
 from ident.estimators import instrumental_variables, least_squares, reference_motion
-from ident.filters import FirstOrderFilter, delayed_hold, linear_hold, zero_hold
+from ident.filters import FirstOrderFilter, delayed_hold, linear_hold
 from ident.free_run import free_run
 from ident.identification import identify
 from ident.log import Log
@@ -104,7 +104,7 @@ def test_filter_of_held_steps_is_exact_and_jitter_changes_nothing():
     rng = np.random.default_rng(0)
     t = np.cumsum(rng.uniform(0.005, 0.015, 2000))
     u, a, state = rng.normal(size=len(t)), 10.0, 0.0
-    filtered = zero_hold(u, t, a)
+    filtered = FirstOrderFilter(t, a).hold(u[:-1], u[:-1])
     for k in range(len(t) - 1):
         assert filtered[k] == pytest.approx(state, abs=1e-9)
         keep = np.exp(-a * (t[k + 1] - t[k]))

@@ -16,10 +16,11 @@ from ident.kinematics.wheels import parameter_names, rolling
 from ident.kinematics.windows import MOUNT, cut_windows, integrate, thinned
 from ident.log import Log
 from youbot_env.backend import NUMPY
+from youbot_env.channels import channel_columns
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 from youbot_env.platform import Platform, mecanum, omni3, youbot
-from youbot_env.recording import channel_columns, record_motion
+from youbot_env.recording import record_motion
 from youbot_env.references import make_reference
 from youbot_env.simulation import AnalyticPlant, Sensors
 from youbot_env.simulation.sensors import IDEAL

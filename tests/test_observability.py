@@ -10,10 +10,11 @@ from ident.blocks import cut_calibration, identify_by_motion
 from ident.log import Log
 from ident.observability import observe_motion, observe_regression
 from ident.regression import build_regression
+from youbot_env.channels import channel_columns
 from youbot_env.model_file import load_model
 from youbot_env.parameters import to_x
 from youbot_env.platform import omni3
-from youbot_env.recording import channel_columns, record_motion
+from youbot_env.recording import record_motion
 from youbot_env.references import make_reference
 from youbot_env.simulation import AnalyticPlant, Sensors
 

@@ -14,9 +14,10 @@ import polars as pl
 import pytest
 
 import youbot_env
+from youbot_env.channels import channel_columns
 from youbot_env.model_file import load_model
 from youbot_env.platform import omni3, youbot
-from youbot_env.recording import RecordLog, channel_columns, record_motion, write_table
+from youbot_env.recording import RecordLog, record_motion, write_table
 from youbot_env.references import make_reference
 from youbot_env.simulation import AnalyticPlant, Sensors
 

@@ -117,7 +117,7 @@ class Robot:
                 (entry for entry in bound if entry[1].acts(hook)), key=lambda e: e[1].order
             )
             for hook in ("drive", "delay", "shaft", "roller", "body", "inertial", "kinematics",
-                         "slip", "measure")
+                         "slip")
         }  # fmt: skip
         self.simple = not bound
         self.reads_pose = any(effect.needs_pose for _, effect, _ in bound)

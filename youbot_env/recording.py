@@ -17,6 +17,7 @@ import gymnasium as gym
 import numpy as np
 
 from youbot_env.backend import FLOAT
+from youbot_env.channels import channel_columns
 from youbot_env.model_file import write_atomically
 from youbot_env.platform import Platform
 from youbot_env.references import Reference
@@ -25,23 +26,6 @@ from youbot_env.simulation.sensors import IDEAL
 
 if TYPE_CHECKING:  # MuJoCo is imported only where a plant with rollers is made
     from youbot_env.rollers import RollersPlant
-
-SINGLE_COLUMNS = {
-    "body_velocity": ("body_velocity_x", "body_velocity_y", "yaw_rate"),
-    "reference": ("reference_vx", "reference_vy", "reference_yaw_rate"),
-    "pose": ("x", "y", "yaw"),
-    "battery_voltage": ("battery_voltage",),
-}
-WHEEL_CHANNELS = ("wheel_velocity", "wheel_torque", "wheel_voltage")
-
-
-def channel_columns(platform: Platform) -> dict[str, tuple[str, ...]]:
-    """Column names of every channel of a log for a platform."""
-    wheels = {
-        channel: tuple(f"{channel}_{name}" for name in platform.wheel_names)
-        for channel in WHEEL_CHANNELS
-    }
-    return wheels | SINGLE_COLUMNS
 
 
 class Recording:

@@ -9,8 +9,9 @@ import numpy as np
 import polars as pl
 
 from ident.doctor.finding import Finding, LogError
-from ident.doctor.record import Record, channel_columns
+from ident.doctor.record import Record
 from ident.doctor.table import Table
+from youbot_env.channels import channel_columns
 from youbot_env.platform import Platform
 
 MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "?")

@@ -9,28 +9,6 @@ import numpy as np
 from ident.doctor.finding import Finding, LogError
 from youbot_env.platform import Platform
 
-BODY = ("body_velocity_x", "body_velocity_y", "yaw_rate")
-REFERENCE = ("reference_vx", "reference_vy", "reference_yaw_rate")
-POSE = ("x", "y", "yaw")
-WHEEL_CHANNELS = (
-    "wheel_velocity",
-    "wheel_position",
-    "wheel_torque",
-    "wheel_current",
-    "wheel_voltage",
-    "wheel_duty",
-)
-
-
-def channel_columns(platform: Platform) -> dict[str, tuple[str, ...]]:
-    """Log names of the columns of each channel, in order."""
-    wheels = {
-        channel: tuple(f"{channel}_{wheel}" for wheel in platform.wheel_names)
-        for channel in WHEEL_CHANNELS
-    }
-    body = {"body_velocity": BODY, "reference": REFERENCE, "pose": POSE}
-    return {**wheels, **body, "battery_voltage": ("battery_voltage",)}
-
 
 @dataclass
 class Record:

@@ -100,7 +100,7 @@ class Effect:
     Class attributes:
         identifier: public name on the command line, in model files and in JSON.
         title, equation: for people; the equation in LaTeX.
-        link: ``drive``, ``shaft``, ``roller``, ``body``, ``kinematics`` or ``sensor``.
+        link: ``drive``, ``shaft``, ``roller``, ``body`` or ``kinematics``.
         parameters: what it is measured by.
         regime: when it shows.
         confusables: identifiers of effects that look alike in most logs.
@@ -154,10 +154,6 @@ class Effect:
 
     def slip(self, p: Any, s: Signals, ops: Ops) -> tuple:
         """Wheel speeds beyond J v, n values, rad/s."""
-        raise NotImplementedError
-
-    def measure(self, p: Any, reading: dict, s: Signals, ops: Ops) -> dict:
-        """Sensor readings in place of the true ones, by channel name."""
         raise NotImplementedError
 
     def state_size(self, platform: Platform) -> int:
