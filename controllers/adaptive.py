@@ -60,7 +60,6 @@ class Adaptive(ComputedTorque):
 
     name = "adaptive"
     Settings = Settings
-    history = 1
 
     def __init__(self, model: Model, settings: Settings):
         self._regressions: dict[tuple, Columns] = {}

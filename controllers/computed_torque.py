@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from controllers.estimator import OPS
-from controllers.inverse import drive_command, required_wrench, shaft_torque
+from controllers.inverse import drive_command, required_wrench, shaft_torque, without
 from controllers.law import LawController, LawSettings, Tracking
 from youbot_env.envs.task import TrackingTask
 from youbot_env.plant import Robot
@@ -24,6 +24,7 @@ class Settings(LawSettings):
     damping: float = 1.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.require_positive("bandwidth", "damping")
 
 
@@ -36,7 +37,8 @@ class ComputedTorque(LawController):
     interpolated from the previewed twists.  Mass, centripetal terms and viscous friction use the
     velocity measured, effects of the model that of the reference: dry friction compensated at the
     measured velocity would chatter around zero.  What the drive makes of a command (gain, offset,
-    dead zone, lag) is inverted, its delay bridged by simulation.
+    dead zone, lag) is inverted, its delay bridged by simulation.  Forces that the model lacks are
+    observed (``Estimator``) and compensated, which takes the place of integral action.
     """
 
     name = "computed_torque"
@@ -64,7 +66,11 @@ def wrench_for(acceleration: tuple, velocity: tuple, tracking: Tracking, robot: 
 
 
 def commands_for(wrench: tuple, tracking: Tracking, robot: Robot, task: TrackingTask) -> tuple:
-    """Torque commands (n,), N m, for generalized forces, with effects at the reference velocity."""
+    """Torque commands (n,), N m, for generalized forces, with effects at the reference velocity.
+
+    What the disturbance already pushes is taken off.
+    """
+    wrench = without(tracking.disturbance, wrench)
     s, internal = _signals(tracking.wanted_velocity, tracking, robot), tracking.state.internal
     torque = shaft_torque(robot, wrench, s, internal, OPS)
     return drive_command(robot, torque, s, internal, task.dt, task.torque_limit, OPS)

@@ -1,8 +1,10 @@
-"""Where the robot is, and where it will be when the next command acts.
+"""Where the robot is, what pushes it, and where it will be when the next command acts.
 
 A controller sees pose error, velocity and heading.  What else the laws of its model read (time,
-place, wheel angles, states of the drive) is carried along here from one observation to the next; a
-delay of the model is bridged by simulating it with the commands that are already on their way.
+place, wheel angles, states of the drive) is carried along here from one observation to the next.
+The measured velocities smooth the measured pose; the force that the model does not explain is
+observed as a disturbance; a delay of the model is bridged by simulating it with the commands that
+are already on their way.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import numpy as np
 from controllers.preview import preview_weights
 from youbot_env.backend import casadi_ops
 from youbot_env.compiled import advance_function
+from youbot_env.dynamics import momentum
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model import Model
 from youbot_env.plant import Structure
@@ -23,6 +26,8 @@ from youbot_env.simulation import choose_substeps
 from youbot_env.stepping import pose_rate, rk4_step
 
 OPS = casadi_ops()
+# Pose and velocity come first in the flat state and are observed.
+BODY = 6
 
 
 class Situation(NamedTuple):
@@ -33,6 +38,7 @@ class Situation(NamedTuple):
         state: flat state of the model then (``Structure.flatten``).
         wanted: pose of the reference then, world frame; its yaw is within pi of the robot's.
         twist: velocities of the reference then, in its own frame.
+        disturbance: generalized forces on the body beyond those of the model, body frame.
         memory: memory for the next call, before ``remember``.
     """
 
@@ -40,6 +46,7 @@ class Situation(NamedTuple):
     state: Any
     wanted: Any
     twist: Any
+    disturbance: Any
     memory: Any
 
 
@@ -49,13 +56,20 @@ class Estimator:
     The world is the one in which the reference starts at the origin; the heading is observed.
     Wheel angles and states of effects start at zero, as they do in the plants.
 
-    The memory holds: observations so far; place of the reference (x, y) and its world velocity;
-    flat state of the model at the last observation; commands sent, newest first.
+    The memory holds: observations so far; pose of the reference and its world velocity;
+    disturbance; flat state of the model at the last observation; commands sent, newest first.
+
+    Pose: each observation pulls the pose that follows from the last one and the velocities
+    measured since, by the share that forgets old poses with the time constant ``pose_time``.
+    Disturbance: the momentum that one period of the model leaves unexplained, over that period,
+    through a first-order filter with the time constant ``disturbance_time``.  It rests on the
+    commands that were sent after clipping, so nothing winds up at the torque limit.
 
     Args:
         model: gives the structure; its values decide how fine and how far back to simulate.
         task: layout of the observation.
-        history: commands to remember at least; more are where the model has a delay.
+        pose_time: s; 0 takes every pose as it is measured.
+        disturbance_time: s; infinity observes no disturbance.
 
     Attributes:
         structure: platform and effects.
@@ -64,18 +78,23 @@ class Estimator:
         sent: slice of the memory with the commands sent, N m, newest first.
     """
 
-    head = 5
+    head = 10
 
-    def __init__(self, model: Model, task: TrackingTask, history: int = 0):
+    def __init__(
+        self,
+        model: Model,
+        task: TrackingTask,
+        pose_time: float = 0.0,
+        disturbance_time: float = math.inf,
+    ):
         self.structure, self.task = Structure.of(model), task
+        self._pose_share = 1.0 - math.exp(-task.dt / pose_time) if pose_time else 1.0
+        self._push_share = 1.0 - math.exp(-task.dt / disturbance_time)
         self.substeps = choose_substeps(model, task.dt)
         self._flat = len(self.structure.flatten(self.structure.rest()))
-        # Pose and velocity are observed; only what goes beyond them has to be simulated.
-        self._carries = self._flat > 6
         self.delayed = any(effect.acts("delay") for effect in self.structure.effects)
         delay = self.structure.bind(model.values()).delay()
-        needed = math.ceil(delay / task.dt) + 2 if self.delayed else int(self._carries)
-        self._history = max(history, needed)
+        self._history = math.ceil(delay / task.dt) + 2 if self.delayed else 1
         self.size = self.head + self._flat + self._history * len(task.platform.wheels)
         self.state = slice(self.head, self.head + self._flat)
         self.sent = slice(self.state.stop, self.size)
@@ -97,20 +116,31 @@ class Estimator:
         yaw, memory = ca.SX.sym("yaw"), ca.SX.sym("memory", self.size)
         values = ca.SX.sym("values", self.structure.value_count)
         weights = ca.SX.sym("weights", 2 * count)
-        heading = yaw + seen[2]
         twists = ca.reshape(seen[8:], 3, count)
-        rate = ca.vertcat(*pose_rate(ca.vertsplit(twists[:, 0]), heading, OPS)[:2])
         t, first = memory[0] * task.dt, memory[0] < 0.5
-        place = ca.if_else(first, 0.0, memory[1:3] + (task.dt / 2) * (memory[3:5] + rate))
-        gap = ca.vertcat(*pose_rate(ca.vertsplit(seen[:3]), yaw, OPS)[:2])
+        # The first observations are averaged, later ones forget the older.
+        share = ca.fmax(self._pose_share, 1.0 / (memory[0] + 1.0))
         before, sent = memory[self.state], memory[self.sent]
         commands = ca.reshape(sent, len(task.platform.wheels), self._history)
-        state = ca.vertcat(place - gap, yaw, seen[3:6])
-        if self._carries:
-            advance = advance_function(self.structure, self.substeps, self._history)
-            carried = advance(before, commands, values, t - task.dt, task.dt)[6:]
-            state = ca.vertcat(state, ca.if_else(first, 0.0, carried))
-        after = ca.vertcat(memory[0] + 1.0, place, rate, state, sent)
+        # The reference: heading reckoned from its twists, pulled by the measured one; then place.
+        expected = memory[3] + (task.dt / 2) * (memory[6] + twists[2, 0])
+        heading = yaw + _wrapped(expected - yaw + share * _wrapped(yaw + seen[2] - expected))
+        rate = ca.vertcat(*pose_rate(ca.vertsplit(twists[:, 0]), heading, OPS))
+        place = ca.if_else(first, 0.0, memory[1:3] + (task.dt / 2) * (memory[4:6] + rate[:2]))
+        # The robot: place reckoned from its velocities, pulled by the measured one.
+        gap = ca.vertcat(*pose_rate(ca.vertsplit(seen[:3]), yaw, OPS)[:2])
+        speeds = _world(before[3:6], before[2]) + _world(seen[3:6], yaw)
+        reckoned = before[:2] + (task.dt / 2) * speeds
+        state = ca.vertcat(reckoned + share * (place - gap - reckoned), yaw, seen[3:6])
+        # What the model expected of the period that is over, and what it missed.
+        advance = advance_function(self.structure, self.substeps, self._history)
+        carried = advance(before, commands, values, t - task.dt, task.dt)
+        if self._flat > BODY:
+            state = ca.vertcat(state, ca.if_else(first, 0.0, carried[BODY:]))
+        push = self._momentum(values, state, t, seen[3:6] - carried[3:6]) / task.dt
+        disturbance = memory[7:10] + self._push_share * (push - memory[7:10])
+        disturbance = ca.if_else(first, 0.0, disturbance)
+        after = ca.vertcat(memory[0] + 1.0, place, heading, rate, disturbance, state, sent)
         wanted, twist = ca.vertcat(place, heading), twists[:, 0]
         if self.delayed:
             delay = self.structure.bind(ca.vertsplit(values)).delay()
@@ -118,16 +148,22 @@ class Estimator:
             state = self._simulate(state, commands, values, t, delay)
             wanted, twist = _move(wanted, twist, ahead[:, 0], ahead[:, 1], delay), ahead[:, 1]
             t = t + delay
-        outputs = Situation(t, state, wanted, twist, after)
+        outputs = Situation(t, state, wanted, twist, disturbance, after)
         return ca.Function("estimate", [seen, yaw, memory, values, weights], list(outputs))
 
     def remember(self, memory, command):
         """Complete ``Situation.memory`` by the command that was chosen, N m; on columns."""
-        if not self._history:
-            return memory
         start, size = self.sent.start, len(self.task.platform.wheels)
         parts = (memory[:start], command, memory[start : self.size - size])
         return np.concatenate(parts) if isinstance(memory, np.ndarray) else ca.vertcat(*parts)
+
+    def _momentum(self, values, state, t, velocity):
+        """Generalized momentum (3,) of a velocity, body frame, with the masses of the model."""
+        robot = self.structure.bind(ca.vertsplit(values))
+        now = self.structure.unflatten(ca.vertsplit(state))
+        rest = (0.0,) * len(robot.platform.wheels)
+        s = robot.signals(t, now.velocity, now.pose, now.wheel_angle, rest, OPS)
+        return ca.vertcat(*momentum(s.geometry, s.theta, tuple(ca.vertsplit(velocity))))
 
     def _simulate(self, state, commands, values, t, delay):
         """Bridge the delay: the k-th newest command acts until ``delay - k dt`` from now."""
@@ -148,6 +184,16 @@ class Estimator:
         after = rk4_step(robot, start, tuple(ca.vertsplit(command)), h, t, OPS)
         result = ca.cse(ca.vertcat(*self.structure.flatten(after)))
         return ca.Function("step", [state, command, values, t, h], [result])
+
+
+def _world(velocity, yaw):
+    """World velocity (2,) of a body velocity at a heading."""
+    return ca.vertcat(*pose_rate(ca.vertsplit(velocity), yaw, OPS)[:2])
+
+
+def _wrapped(angle):
+    """The angle within pi of zero."""
+    return angle - 2 * math.pi * ca.floor(angle / (2 * math.pi) + 0.5)
 
 
 def _move(pose, first, middle, last, duration):

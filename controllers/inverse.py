@@ -32,6 +32,11 @@ def required_wrench(s: Signals, acceleration: tuple) -> tuple:
     return tuple(sum(forces) for forces in zip(*parts, strict=True))
 
 
+def without(disturbance: tuple, wrench: tuple) -> tuple:
+    """Generalized forces that a disturbance leaves for the drive."""
+    return tuple(w - d for w, d in zip(wrench, disturbance, strict=True))
+
+
 def shaft_torque(robot: Robot, wrench: tuple, s: Signals, internal: tuple, ops: Ops) -> tuple:
     """Shaft torques (n,), N m, with which all forces on the body together are ``wrench``.
 
@@ -75,7 +80,14 @@ def drive_command(
 
 
 def feedforward(
-    robot: Robot, state: State, v: tuple, acceleration: tuple, t, limit: float, ops: Ops
+    robot: Robot,
+    state: State,
+    v: tuple,
+    acceleration: tuple,
+    t,
+    limit: float,
+    ops: Ops,
+    disturbance: tuple = (0.0, 0.0, 0.0),
 ) -> tuple:
     """Commands (n,), N m, that hold velocity v and (V_X', V_Y', Omega') once the drive has settled.
 
@@ -86,10 +98,12 @@ def feedforward(
         t: time, s.
         limit: largest command, N m.
         ops: elementary functions.
+        disturbance: generalized forces that act beyond those of the model, N, N, N m.
     """
     rest = (0.0,) * len(robot.platform.wheels)
     s = robot.signals(t, v, state.pose, state.wheel_angle, rest, ops)
-    torque = shaft_torque(robot, required_wrench(s, acceleration), s, state.internal, ops)
+    wrench = without(disturbance, required_wrench(s, acceleration))
+    torque = shaft_torque(robot, wrench, s, state.internal, ops)
     return drive_command(robot, torque, s, state.internal, SETTLED, limit, ops)
 
 

@@ -31,6 +31,7 @@ class Tracking(NamedTuple):
         wanted_acceleration: second derivative of the reference pose then, turned from the world
             into the frame of the robot, m/s^2, m/s^2, rad/s^2.
         twist, twist_rate: of the reference then, in its own frame.
+        disturbance: generalized forces beyond those of the model, N, N, N m.
     """
 
     t: Any
@@ -42,17 +43,35 @@ class Tracking(NamedTuple):
     wanted_acceleration: tuple
     twist: tuple
     twist_rate: tuple
+    disturbance: tuple
 
 
 @dataclass(frozen=True, kw_only=True)
 class LawSettings(Settings):
-    """Settings with the preview that a law needs.
+    """Settings of preview and state estimation that a law needs.
 
     Attributes:
         preview: the default of 20 periods sees across every delay that ``actuator_delay`` allows.
+        pose_time: time over which measured velocities smooth the measured pose, s; 0 takes each
+            pose as it is.  Motion capture scatters by a millimetre, which is as much as a tenth
+            of a second of velocity error; velocities that are wrong by 5 % (wheels that slip) cost
+            5 % of the way driven in this time.
+        disturbance_time: time in which a force that the model does not explain is learned and
+            then compensated, s; infinity leaves it to the feedback.  The default lets pass what is
+            faster than 1 Hz: delays of 20 ms stay far from it.
     """
 
     preview: int = 20
+    pose_time: float = 0.2
+    disturbance_time: float = 0.15
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.pose_time < math.inf:
+            raise ValueError(f"pose_time = {self.pose_time!r}; give s, or 0 for none")
+        if not self.disturbance_time > 0:
+            raise ValueError(
+                f"disturbance_time = {self.disturbance_time!r}; give s, or math.inf for none"
+            )
 
 
 class LawController(Controller):
@@ -61,15 +80,10 @@ class LawController(Controller):
     The law is traced once for each set of effects; values of the model, identified or nominal, are
     inputs of the compiled function.
 
-    Class attributes:
-        history: commands that the memory keeps at least.
-
     Attributes:
         estimator: what it knows beyond the observation.
         law: ``F(seen, yaw, memory, values, weights, *extra) -> (action, memory)``.
     """
-
-    history = 0
 
     def __init__(self, model: Model, settings: Settings):
         self._laws: dict[tuple, Columns] = {}
@@ -87,7 +101,9 @@ class LawController(Controller):
                 f"after the model's delay of {delay:g} s"
             )
         super().set_model(model)
-        self.estimator = Estimator(model, self.task, self.history)
+        self.estimator = Estimator(
+            model, self.task, self.settings.pose_time, self.settings.disturbance_time
+        )
         if self.estimator.key not in self._laws:
             self._laws[self.estimator.key] = Columns(self._trace())
         self._columns = self._laws[self.estimator.key]
@@ -141,7 +157,8 @@ class LawController(Controller):
             tuple(ca.vertsplit(part)) for part in (now.twist, ahead[:, 0], ahead[:, 1])
         )
         wanted = tuple(ca.vertsplit(now.wanted))
-        tracking = track(now.t + task.dt / 2, state, wanted, present, twist, rate, task)
+        push = tuple(ca.vertsplit(now.disturbance))
+        tracking = track(now.t + task.dt / 2, state, wanted, present, twist, rate, push, task)
         robot = self.estimator.structure.bind(ca.vertsplit(values))
         return [*symbols, weights], now, tracking, robot
 
@@ -154,7 +171,7 @@ class LawController(Controller):
         raise NotImplementedError
 
 
-def track(t, state: State, wanted, present, twist, rate, task) -> Tracking:
+def track(t, state: State, wanted, present, twist, rate, push, task) -> Tracking:
     """Turn reference and state into what a law works with.
 
     Args:
@@ -162,6 +179,7 @@ def track(t, state: State, wanted, present, twist, rate, task) -> Tracking:
         state: state of the model at its beginning.
         wanted, present: pose (world) and twist of the reference at its beginning.
         twist, rate: twist of the reference and its rate in the middle.
+        push: disturbance.
         task: defines the pose error.
     """
     error = task.error(state.pose, OPS.cos_sin(state.pose[2]), wanted, OPS)
@@ -173,7 +191,7 @@ def track(t, state: State, wanted, present, twist, rate, task) -> Tracking:
     velocity = rotate_to_body(twist, turn)
     return Tracking(
         t, state, error, difference, _minus(velocity, difference), velocity,
-        rotate_to_body(second, turn), twist, rate,
+        rotate_to_body(second, turn), twist, rate, push,
     )  # fmt: skip
 
 

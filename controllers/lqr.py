@@ -42,6 +42,7 @@ class Settings(LawSettings):
     schedule_yaw_rate: float = 3.2
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.require_positive("position", "yaw", "velocity", "yaw_rate", "torque")
         self.require_positive("schedule_speed", "schedule_yaw_rate")
 
@@ -52,6 +53,7 @@ class LQR(LawController):
     The feedforward is the inverse dynamics of the model along the reference, its effects included.
     The feedback is the discrete regulator of the error dynamics linearised at the velocity of the
     reference: computed by python-control on a grid of (V_X, V_Y, Omega), interpolated between.
+    Forces that the model lacks are observed and compensated as in computed torque.
     Forces of effects are fed forward and not linearised: dry friction has a slope at rest that is
     gone a few millimetres per second away from it.
     """

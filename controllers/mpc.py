@@ -94,7 +94,8 @@ class MPC(ComputedTorque):
     acts (``Estimator``) and follows the previewed twists.  Its commands are those that the model
     needs along the reference plus a deviation, constant over each step of the horizon; the one
     applied is the model's need in the middle of the coming control period plus the first
-    deviation, so that the length of a step costs no accuracy on the reference.
+    deviation, so that the length of a step costs no accuracy on the reference.  Forces that the
+    model lacks are observed and compensated beside the plan, which does not know of them.
 
     Values of the model are inputs of one solver for each set of effects: ``set_model`` with other
     values builds nothing.  The last solution, moved on by one period, is where the next solve
@@ -109,7 +110,6 @@ class MPC(ComputedTorque):
 
     name = "mpc"
     Settings = Settings
-    history = 1
 
     def __init__(self, model: Model, settings: Settings):
         self.solves: deque[Solve] = deque(maxlen=REMEMBERED)
@@ -148,7 +148,8 @@ class MPC(ComputedTorque):
         """Commands of computed torque, then those the model needs on the reference itself."""
         rest = tracking.state._replace(velocity=tracking.wanted_velocity)
         twist, rate = (tuple(ca.vertsplit(part)) for part in extra)
-        needed = feedforward(robot, rest, twist, rate, tracking.t, self.task.torque_limit, OPS)
+        limit, push = self.task.torque_limit, tracking.disturbance
+        needed = feedforward(robot, rest, twist, rate, tracking.t, limit, OPS, push)
         return (*super().command(tracking, robot, extra), *needed)
 
     def extra_inputs(self) -> list:
@@ -166,7 +167,7 @@ class MPC(ComputedTorque):
         began, task, estimator = time.perf_counter(), self.task, self.estimator
         previewed = seen[8:].reshape(-1, 3)
         yaw, known = np.arctan2(seen[7], seen[6]), memory[: estimator.size]
-        t, state, wanted, _, kept, safe, needed = self._columns.one(
+        t, state, wanted, _, _, kept, safe, needed = self._columns.one(
             seen, yaw, known, self._values, self._weights, *(self._needs @ previewed)
         )
         twists, led = np.split(self._nodes @ previewed, 2)

@@ -95,7 +95,7 @@ def test_delay_and_lag_are_bridged_by_simulating_the_commands_on_their_way():
         c, s = np.cos(motion[2]), np.sin(motion[2])
         error = [-c * motion[0] - s * motion[1], s * motion[0] - c * motion[1], -motion[2]]
         seen = np.concatenate([error, motion[3:6], [c, s], np.zeros(18)])
-        _, ahead, _, _, memory = estimate(seen, motion[2], memory, values, weights)
+        _, ahead, _, _, _, memory = estimate(seen, motion[2], memory, values, weights)
         memory = estimator.remember(np.asarray(memory)[:, 0], command)
         plant.step(command)
     # The last command acts 34 ms after it was given; until then the motion was settled before.
@@ -129,8 +129,45 @@ def test_torque_controllers_with_the_true_model_beat_the_kinematic_one_five_time
 def test_every_effect_in_the_model_helps():
     for effects in (HARD, {"torque_dead_zone": 0.2, "floor_slope": None}, {"torque_gain": None}):
         robot = PAPER.with_effects(effects)
-        informed = drive(make("computed_torque", robot), robot)[0]
-        assert 10 * informed < drive(make("computed_torque", PAPER), robot)[0]
+        # Without the observed disturbance, which would make up for most of what is missing.
+        models = (make("computed_torque", m, disturbance_time=np.inf) for m in (robot, PAPER))
+        informed, ignorant = (drive(controller, robot)[0] for controller in models)
+        assert 10 * informed < ignorant
+
+
+@pytest.mark.parametrize("name", ["computed_torque", "lqr", "adaptive", "mpc"])
+def test_a_force_that_the_model_lacks_is_learned_and_compensated(name):
+    robot = PAPER.with_effects({"cable_tether": {"k": 0.0, "fx": 15.0, "fy": -10.0}})
+    settings = {"time_limit": 1.0} if name == "mpc" else {}
+    observing = drive(make(name, PAPER, **settings), robot)[0]
+    trusting = drive(make(name, PAPER, disturbance_time=np.inf, **settings), robot)[0]
+    assert 3 * observing < trusting
+
+
+def test_the_disturbance_is_the_force_in_the_frame_of_the_robot_and_does_not_wind_up():
+    robot = PAPER.with_effects({"torque_offset": 0.3})
+    task = TrackingTask(PAPER.platform, dt=0.01, preview=2, preview_stride=1)
+    estimator, plant = Estimator(PAPER, task, disturbance_time=0.1), AnalyticPlant(robot, 0.01)
+    estimate, weights = estimator.build(), estimator.weights(PAPER)
+    memory, command, pushes = np.zeros(estimator.size), np.full(4, 4.0), []
+    for _ in range(100):  # at the torque limit all the time
+        x, y, yaw, *velocity = plant.motion().copy()
+        c, s = np.cos(yaw), np.sin(yaw)
+        error = [-c * x - s * y, s * x - c * y, -yaw]
+        seen = np.concatenate([error, velocity, [c, s], np.zeros(9)])
+        *_, push, memory = estimate(seen, yaw, memory, PAPER.values(), weights)
+        memory = estimator.remember(np.asarray(memory)[:, 0], command)
+        pushes.append(np.asarray(push)[:, 0])
+        plant.step(command)
+    # The log shows 0.3 N m more than the wheels get.
+    wrench = PAPER.platform.jacobian_array.T @ np.full(4, -0.3)
+    np.testing.assert_allclose(pushes[-1], wrench, rtol=0.02, atol=0.1)
+    assert np.abs(pushes).max(axis=0)[0] < 1.01 * abs(wrench[0])
+
+
+def test_smoothing_the_pose_costs_nothing_where_nothing_is_noisy():
+    smoothed, plain = (drive(make("computed_torque", PAPER, pose_time=t))[0] for t in (0.2, 0.0))
+    assert smoothed == pytest.approx(plain, abs=2e-5)
 
 
 def test_adaptive_control_learns_what_the_nominal_model_lacks():
@@ -256,6 +293,10 @@ def test_bad_requests_name_the_value_and_the_remedy():
         make("kinematic", PAPER, gain=2.0)
     with pytest.raises(ValueError, match="bandwidth = -1"):
         make("computed_torque", PAPER, bandwidth=-1)
+    with pytest.raises(ValueError, match=r"pose_time = -1"):
+        make("lqr", PAPER, pose_time=-1)
+    with pytest.raises(ValueError, match=r"disturbance_time = 0; .*inf"):
+        make("mpc", PAPER, disturbance_time=0)
     with pytest.raises(ValueError, match=r"preview = 1 .* at least 2 "):
         make("computed_torque", PAPER, preview=1)
     with pytest.raises(ValueError, match=r"preview = 5 .* at least 11 .* 0\.1 s"):
