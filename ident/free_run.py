@@ -1,6 +1,9 @@
 """Free run: velocities simulated from the measured drive input alone, against the measured ones.
 
-Each window starts at the measured velocity and pose and sees no measurement after that.
+Each window starts at the measured velocity and pose and sees no measurement after that, but for the
+wheel angles where a law reads them (rollers, ripple): encoders know them far better than a
+simulation does after some turns.  What is compared is what the sensors would show of the simulated
+motion: with finite rollers or slip that is not the motion itself.
 """
 
 from __future__ import annotations
@@ -12,9 +15,12 @@ import casadi as ca
 import numpy as np
 
 from ident.log import Log
+from ident.signals import body_velocity, wheel_angles
+from youbot_env.backend import NUMPY
 from youbot_env.compiled import advance_function
+from youbot_env.effects.base import Signals
 from youbot_env.model import Model
-from youbot_env.plant import Structure
+from youbot_env.plant import Robot, Structure
 from youbot_env.simulation.analytic import choose_substeps, history_length
 
 WINDOW = 5.0
@@ -56,6 +62,8 @@ class Windows:
         start: (size, W) states at the beginning of each window.
         commands: (n * history, L * W) torque commands, newest first.
         clock, step: (1, L * W) time from the start of the log and sample times, s.
+        angles: (n, L * W) measured wheel angles at the start of each sample, rad; (0, L * W)
+            where no law reads them.
         index: (W, L) rows of the log that the simulation is compared with.
         structure, substeps, history: what is simulated.
     """
@@ -64,6 +72,7 @@ class Windows:
     commands: np.ndarray
     clock: np.ndarray
     step: np.ndarray
+    angles: np.ndarray
     index: np.ndarray
     structure: Structure
     substeps: int
@@ -71,15 +80,15 @@ class Windows:
 
     @property
     def function(self) -> ca.Function:
-        """``F(start, commands, values, clock, step) -> states (size, L * W)`` of all windows."""
+        """``F(start, commands, values, clock, step, angles) -> states (size, L * W)``."""
         count, length = self.index.shape
-        return _windows_function(
-            advance_function(self.structure, self.substeps, self.history), length, count
-        )
+        advance = advance_function(self.structure, self.substeps, self.history)
+        return _windows_function(advance, length, count, len(self.angles))
 
     def simulate(self, values) -> np.ndarray:
         """States (W, L, size) after each sample for flat parameter values."""
-        states = self.function(self.start, self.commands, np.asarray(values), self.clock, self.step)
+        inputs = (np.asarray(values), self.clock, self.step, self.angles)
+        states = self.function(self.start, self.commands, *inputs)
         count, length = self.index.shape
         return np.asarray(states).T.reshape(count, length, -1)
 
@@ -96,8 +105,9 @@ def cut_windows(log: Log, model: Model, window: float = WINDOW) -> Windows:
     delay = structure.bind(model.values()).delay()
     history = history_length(structure, delay, dt)
     length = max(1, round(window / dt))
-    starts, blocks, index, clocks, steps = [], [], [], [], []
+    starts, blocks, index, clocks, steps, angles = [], [], [], [], [], []
     velocity, offset, command = log.velocity(), 0, log.command
+    turned = wheel_angles(log) if structure.track_wheels else np.empty((len(log.time), 0))
     for piece in log.pieces():
         count = len(piece.time)
         past = np.stack([np.maximum(np.arange(count) - k, 0) for k in range(history)], axis=1)
@@ -105,7 +115,8 @@ def cut_windows(log: Log, model: Model, window: float = WINDOW) -> Windows:
             rows = offset + begin + np.arange(length)
             pose = (0.0, 0.0, 0.0) if log.pose is None else log.pose[rows[0]]
             rest = structure.rest(tuple(pose), tuple(velocity[rows[0]]))
-            starts.append(structure.flatten(rest))
+            starts.append(structure.flatten(rest._replace(wheel_angle=tuple(turned[rows[0]]))))
+            angles.append(turned[rows])
             blocks.append(command[offset + past[begin : begin + length]].reshape(length, -1))
             clocks.append(log.time[rows] - log.time[0])
             steps.append(log.time[rows + 1] - log.time[rows])
@@ -121,6 +132,7 @@ def cut_windows(log: Log, model: Model, window: float = WINDOW) -> Windows:
         np.concatenate(blocks).T,
         np.concatenate(clocks)[None],
         np.concatenate(steps)[None],
+        np.concatenate(angles).T,
         np.array(index),
         structure,
         substeps,
@@ -131,27 +143,61 @@ def cut_windows(log: Log, model: Model, window: float = WINDOW) -> Windows:
 def free_run(log: Log, model: Model, window: float = WINDOW) -> FreeRun:
     """Simulate a log's windows with a model from the measured drive input alone."""
     windows = cut_windows(log, model, window)
-    simulated = windows.simulate(model.values())[:, :, 3:6].reshape(-1, 3)
     rows = windows.index.ravel()
+    states = windows.simulate(model.values()).reshape(len(rows), -1)
+    simulated = _shown(log, model, windows, states)
     number = np.repeat(np.arange(len(windows.index)), windows.index.shape[1])
     return FreeRun(log.time[rows], simulated, log.velocity()[rows], number)
 
 
+def seen_by_sensors(robot: Robot, s: Signals, log: Log) -> tuple:
+    """Outputs that a log's sensors show of a motion: wheel speeds, or body velocities if measured.
+
+    Where a model slips, the wrench must have been evaluated on the signals before.
+    """
+    return robot.wheel_velocity(s, NUMPY) if log.body_velocity is None else s.v
+
+
+def _shown(log: Log, model: Model, windows: Windows, states: np.ndarray) -> np.ndarray:
+    """(N, 3) body velocities as the log would state them, of simulated states (N, size)."""
+    robot = windows.structure.bind(model.values())
+    rolls = robot.acting("kinematics") or robot.acting("slip")
+    if log.body_velocity is not None or not rolls:
+        return states[:, 3:6]
+    rows = windows.index.ravel()
+    angle = tuple(wheel_angles(log)[rows].T) if robot.reads_wheel_angle else ()
+    command = tuple(log.command[rows - 1].T)
+    pose, v = tuple(states[:, :3].T), tuple(states[:, 3:6].T)
+    s = robot.signals(log.time[rows] - log.time[0], v, pose, angle, command, NUMPY)
+    speed = robot.wheel_velocity(s, NUMPY, windows.structure.rest().internal)
+    n = len(rows)
+    ideal = body_velocity(log.platform.geometry, tuple(np.broadcast_to(w, n) for w in speed))
+    return np.stack(ideal, axis=1)
+
+
 @lru_cache(maxsize=32)
-def _windows_function(advance: ca.Function, length: int, count: int) -> ca.Function:
+def _windows_function(advance: ca.Function, length: int, count: int, angles: int) -> ca.Function:
     """One window is the step accumulated over its samples; all windows are mapped over it."""
-    along = advance.mapaccum("window", length, ["state"], ["next"])
     size, wheels = advance.size1_in(0), advance.numel_in(1)
+    step_in = [ca.MX.sym(advance.name_in(k), *advance.size_in(k)) for k in range(5)]
+    turned = ca.MX.sym("angles", angles)
+    placed = ca.vertcat(step_in[0][:6], turned, step_in[0][6 + angles :])
+    measured = ca.Function("sample", [*step_in, turned], [advance(placed, *step_in[1:])],
+                           [*advance.name_in(), "angles"], ["next"])  # fmt: skip
+    along = measured.mapaccum("window", length, ["state"], ["next"])
     start = ca.MX.sym("start", size, count)
     commands = ca.MX.sym("commands", wheels, length * count)
     values = ca.MX.sym("values", advance.size1_in(2))
     clock, step = ca.MX.sym("clock", 1, length * count), ca.MX.sym("step", 1, length * count)
+    known = ca.MX.sym("angles", angles, length * count)
     shaped = ca.reshape(commands, advance.size1_in(1), -1)
     states = []
     for k in range(count):
         columns = slice(k * length, (k + 1) * length)
         past = shaped[:, k * length * advance.size2_in(1) : (k + 1) * length * advance.size2_in(1)]
+        fixed = ca.repmat(values, 1, length)
         states.append(
-            along(start[:, k], past, ca.repmat(values, 1, length), clock[columns], step[columns])
+            along(start[:, k], past, fixed, clock[columns], step[columns], known[:, columns])
         )
-    return ca.Function("windows", [start, commands, values, clock, step], [ca.horzcat(*states)])
+    inputs = [start, commands, values, clock, step, known]
+    return ca.Function("windows", inputs, [ca.horzcat(*states)])

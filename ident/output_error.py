@@ -1,21 +1,19 @@
 """Free-run refinement: the parameters whose simulation from the drive input alone fits best.
 
-Output error over windows (multiple shooting with measured starts), exact derivatives from CasADi.
-Noise in the regressors does not bias it, and nonlinear parameters (delays, limits, Stribeck speeds)
-are estimated with the others.
+Output error over windows (multiple shooting with measured starts) by Gauss-Newton steps of the
+linearised simulation.  Noise in the regressors does not bias it, and nonlinear parameters (delays,
+limits, Stribeck speeds) are estimated with the others.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
-import casadi as ca
 import numpy as np
-from scipy.optimize import least_squares
 
-from ident.free_run import WINDOW, Windows, cut_windows
 from ident.log import Log
+from ident.regression import allowed_directions
+from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
 from youbot_env.parameters import UNITS
@@ -23,7 +21,13 @@ from youbot_env.parameters import UNITS
 # Theta may move within these factors of its start; first moments within this many kg m.
 FACTORS = (0.02, 50.0)
 FIRST_MOMENT = 20.0
-# A simulation that runs away counts as this many spreads, so that the optimiser can turn back.
+# Start of every window that is left out: there the noise of its first sample still shows, s.
+SETTLE = 0.5
+# Directions weaker than this share of the strongest, in equally long columns, are left alone.
+WEAK = 1e-6
+# A step must lower the sum of squares by this share to be worth another.
+TOLERANCE = 1e-6
+# A simulation that runs away counts as this many spreads.
 LIMIT = 1e3
 
 
@@ -36,7 +40,8 @@ class OutputError:
         covariance: (P, P) of ``model.names()``, from the scatter between windows.
         windows: number of windows.
         cost: half the sum of squared scaled errors, before and after.
-        converged: whether the optimiser met its tolerance.
+        converged: whether further steps would not have helped.
+        simulations: each log simulated with the refined model.
     """
 
     model: Model
@@ -44,13 +49,14 @@ class OutputError:
     windows: int
     cost: tuple[float, float]
     converged: bool
+    simulations: tuple[Linearised, ...]
 
 
 def refine(
     logs: list[Log],
     model: Model,
     free: tuple[str, ...] | None = None,
-    window: float = WINDOW,
+    window: float | None = None,
     iterations: int = 30,
 ) -> OutputError:
     """Refine a model by output error.
@@ -59,89 +65,129 @@ def refine(
         logs: measured records.
         model: start values.
         free: names (of ``model.names()``) to estimate; all when None.
-        window: length of the windows, s.
+        window: length of the windows, s; chosen from each log's duration when None.
         iterations: most Gauss-Newton steps.
 
     Returns:
-        The refined model with its covariance.
+        The refined model with its covariance.  Contrast parameters keep their mean.
     """
-    names, start = model.names(), np.array(model.values(), float)
+    names = model.names()
     chosen = np.array([free is None or name in free for name in names])
-    low, high = _bounds(model, start)
-    problems = [_Problem(log, model, window, high) for log in logs]
-    weight = 1.0 / np.mean([problem.spread for problem in problems], axis=0)
-    scale = np.where(start != 0, np.abs(start), 1.0)
-    values = start.copy()
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        values[chosen] = x
-        return np.concatenate([p.error(values, weight) for p in problems])
-
-    def jacobian(x: np.ndarray) -> np.ndarray:
-        values[chosen] = x
-        return np.concatenate([p.derivative(values, weight)[:, chosen] for p in problems])
-
-    first = residual(start[chosen])
-    result = least_squares(
-        residual,
-        np.clip(start[chosen], low[chosen], high[chosen]),
-        jacobian,
-        bounds=(low[chosen], high[chosen]),
-        x_scale=scale[chosen],
-        max_nfev=iterations,
-        xtol=1e-8,
-        ftol=1e-8,
-    )
-    values[chosen] = result.x
-    covariance = np.zeros((len(names), len(names)))
-    groups = np.concatenate(
-        [p.groups + sum(q.count for q in problems[:k]) for k, p in enumerate(problems)]
-    )
-    covariance[np.ix_(chosen, chosen)] = _cluster_covariance(result.jac, result.fun, groups)
-    refined = replace(model.with_values(values), covariance=covariance.tolist())
-    cost = (0.5 * float(first @ first), float(result.cost))
-    return OutputError(refined, covariance, int(groups[-1]) + 1, cost, result.status > 0)
+    low, high = _bounds(model)
+    now = _Fit.at(logs, model.with_values(np.clip(model.values(), low, high)), window)
+    first, converged = now.cost, False
+    for _ in range(iterations):
+        values = np.array(now.model.values())
+        step, _ = now.solve(values, chosen, low, high)
+        better = None
+        for share in (1.0, 0.5, 0.2, 0.05):
+            other = model.with_values(np.clip(values + share * step, low, high))
+            trial = _Fit.at(logs, other, window)
+            if trial.cost < now.cost:
+                better = trial
+                break
+        if better is None or now.cost - better.cost < TOLERANCE * now.cost:
+            now, converged = better or now, True
+            break
+        now = better
+    basis = now.basis(chosen)
+    covariance = now.covariance(basis)
+    refined = replace(now.model, covariance=covariance.tolist())
+    clusters = int(now.groups[-1]) + 1
+    return OutputError(refined, covariance, clusters, (first, now.cost), converged, now.simulations)
 
 
-class _Problem:
-    """One log: simulated windows, their errors and derivatives."""
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Scaled errors of all logs at one set of values."""
 
-    def __init__(self, log: Log, model: Model, window: float, high: np.ndarray):
-        # Commands far enough back for the longest delay that the bounds allow.
-        widest = model.with_values(np.where(_is_delay(model), high, model.values()))
-        self.windows: Windows = cut_windows(log, widest, window)
-        velocity = log.velocity()
-        self.measured = velocity[self.windows.index.ravel()]
-        self.spread = np.maximum(velocity.std(axis=0), 1e-6)
-        self.count, length = self.windows.index.shape
-        self.groups = np.repeat(np.arange(self.count), 3 * length)
+    model: Model
+    simulations: tuple[Linearised, ...]
+    error: np.ndarray
+    groups: np.ndarray
+    weights: tuple[np.ndarray, ...]
 
-    def error(self, values: np.ndarray, weight: np.ndarray) -> np.ndarray:
-        simulated = self.windows.simulate(values)[:, :, 3:6].reshape(-1, 3)
-        error = np.nan_to_num((simulated - self.measured) * weight, nan=LIMIT)
-        return np.clip(error, -LIMIT, LIMIT).ravel()
+    @classmethod
+    def at(cls, logs: list[Log], model: Model, window: float | None) -> _Fit:
+        simulations = tuple(Linearised.of(log, model, window) for log in logs)
+        weights = tuple(output_weights(log) for log in logs)
+        parts, groups, count = [], [], 0
+        for sim, weight in zip(simulations, weights, strict=True):
+            error = settled(sim, sim.residual * weight)
+            error = np.clip(np.nan_to_num(error, nan=LIMIT), -LIMIT, LIMIT)
+            parts.append(error.ravel())
+            groups.append(count + np.repeat(np.arange(len(error)), error[0].size))
+            count += len(error)
+        return cls(model, simulations, np.concatenate(parts), np.concatenate(groups), weights)
 
-    def derivative(self, values: np.ndarray, weight: np.ndarray) -> np.ndarray:
-        w = self.windows
-        function = _velocity_jacobian(w.function, len(values))
-        flat = np.asarray(function(w.start, w.commands, values, w.clock, w.step))
-        shaped = flat.reshape(-1, 3, len(values)) * weight[None, :, None]
-        return np.nan_to_num(shaped.reshape(-1, len(values)))
+    @property
+    def cost(self) -> float:
+        return 0.5 * float(self.error @ self.error)
+
+    def columns(self) -> np.ndarray:
+        parts = []
+        for sim, weight in zip(self.simulations, self.weights, strict=True):
+            columns = settled(sim, sim.value_columns() * weight[:, None])
+            parts.append(np.nan_to_num(columns.reshape(-1, columns.shape[-1])))
+        return np.concatenate(parts)
+
+    def basis(self, chosen: np.ndarray) -> np.ndarray:
+        """(P, K) directions in which the values may move."""
+        allowed = allowed_directions(self.model.names(), self.model)
+        basis = np.eye(len(chosen)) if allowed is None else allowed
+        basis = basis * chosen[:, None]
+        return basis[:, np.linalg.norm(basis, axis=0) > 0]
+
+    def solve(self, values, chosen, low, high) -> tuple[np.ndarray, np.ndarray]:
+        """Gauss-Newton step; values at a bound do not push against it."""
+        columns, held = self.columns(), np.zeros(len(chosen), bool)
+        for _ in range(3):
+            basis = self.basis(chosen & ~held)
+            step = basis @ _least_squares(columns @ basis, self.error)
+            out = ((values <= low) & (step < 0)) | ((values >= high) & (step > 0))
+            if not np.any(out & ~held):
+                break
+            held |= out
+        return step, columns
+
+    def covariance(self, basis: np.ndarray) -> np.ndarray:
+        """Sandwich of the scatter between windows."""
+        columns = self.columns() @ basis
+        scale = np.linalg.norm(columns, axis=0)
+        scale = np.where(scale > 0, scale, 1.0)
+        scaled, count = columns / scale, int(self.groups[-1]) + 1
+        scores = np.zeros((count, len(scale)))
+        np.add.at(scores, self.groups, scaled * self.error[:, None])
+        bread = np.linalg.pinv(scaled.T @ scaled, rcond=1e-10)
+        meat = scores.T @ scores * count / max(count - 1, 1)
+        turn = basis / scale
+        return turn @ (bread @ meat @ bread) @ turn.T
 
 
-@lru_cache(maxsize=16)
-def _velocity_jacobian(windows: ca.Function, count: int) -> ca.Function:
-    inputs = [ca.MX.sym(name, *windows.size_in(k)) for k, name in enumerate(windows.name_in())]
-    velocity = ca.vec(windows(*inputs)[3:6, :])
-    return ca.Function("velocity_jacobian", inputs, [ca.jacobian(velocity, inputs[2])])
+def settled(sim: Linearised, values: np.ndarray) -> np.ndarray:
+    """Samples (W, l, ...) of each window after its start has settled."""
+    length = values.shape[1]
+    return values[:, min(round(SETTLE / sim.log.dt), length // 3) :]
 
 
-def _is_delay(model: Model) -> np.ndarray:
-    delays = {a.identifier for a in model.effects if a.effect.acts("delay")}
-    return np.array([name.split(".")[0] in delays for name in model.names()])
+def output_weights(log: Log) -> np.ndarray:
+    """(m,) reciprocal spreads of the outputs; wheels share one, they are one kind of sensor."""
+    if log.body_velocity is None:
+        spread = np.full(log.wheel_velocity.shape[1], log.wheel_velocity.std())
+    else:
+        spread = log.body_velocity.std(axis=0)
+    return 1.0 / np.maximum(spread, 1e-6)
 
 
-def _bounds(model: Model, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _least_squares(columns: np.ndarray, error: np.ndarray) -> np.ndarray:
+    scale = np.linalg.norm(columns, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    return np.linalg.lstsq(columns / scale, error, rcond=WEAK)[0] / scale
+
+
+def _bounds(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest values (P,)."""
+    start = np.array(model.values(), float)
     low, high = np.empty_like(start), np.empty_like(start)
     for k, name in enumerate(model.names()):
         identifier, _, flat = name.rpartition(".")
@@ -152,19 +198,4 @@ def _bounds(model: Model, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             low[k], high[k] = FACTORS[0] * size, FACTORS[1] * size
         else:
             low[k], high[k] = -FIRST_MOMENT, FIRST_MOMENT
-    delay = _is_delay(model)
-    # A history of commands as long as the widest bound would cost much; twice the start is ample.
-    high[delay] = np.minimum(high[delay], np.maximum(2.0 * start[delay], 0.06))
     return low, high
-
-
-def _cluster_covariance(jacobian: np.ndarray, error: np.ndarray, groups: np.ndarray) -> np.ndarray:
-    count = int(groups[-1]) + 1
-    scale = np.sqrt(np.sum(jacobian**2, axis=0))
-    scale = np.where(scale > 0, scale, 1.0)
-    scaled = jacobian / scale
-    scores = np.zeros((count, jacobian.shape[1]))
-    np.add.at(scores, groups, scaled * error[:, None])
-    bread = np.linalg.pinv(scaled.T @ scaled, rcond=1e-10)
-    meat = scores.T @ scores * count / max(count - 1, 1)
-    return bread @ meat @ bread / np.outer(scale, scale)

@@ -75,7 +75,7 @@ def measure(piece: Log, model: Model, values=None, origin: float = 0.0) -> Measu
     command = tuple(np.ascontiguousarray(torque.T))
     guess = tuple(np.ascontiguousarray(piece.velocity().T))
     # Integrals that nobody reads are not worth their time.
-    angle = _wheel_angle(piece) if robot.reads_wheel_angle else ()
+    angle = tuple(wheel_angles(piece).T) if robot.reads_wheel_angle else ()
     pose = ()
     if robot.reads_pose:
         pose = _odometry(piece.time, guess) if piece.pose is None else tuple(piece.pose.T)
@@ -93,13 +93,25 @@ def body_velocity(geometry, wheel_velocity: tuple) -> tuple:
     return solve(factorize(geometry.wheel_metric), geometry.wrench(wheel_velocity))
 
 
-def _wheel_angle(piece: Log) -> tuple:
-    """Wheel angles integrated from their speeds, zero at the first sample."""
-    n = len(piece.platform.wheels)
-    speed = piece.wheel_velocity
+def wheel_angles(log: Log) -> np.ndarray:
+    """(N, n) wheel angles integrated from their speeds, rad, zero at the first sample."""
+    speed = log.wheel_velocity
     if speed is None:
-        speed = piece.velocity() @ piece.platform.jacobian_array.T
-    return tuple(_integral(piece.time, speed[:, k]) for k in range(n))
+        speed = log.velocity() @ log.platform.jacobian_array.T
+    return np.stack([_integral(log.time, column) for column in speed.T], axis=1)
+
+
+def delivered_torques(log: Log, model: Model, values=None) -> np.ndarray:
+    """(N, n) torques on the shafts, held between samples, after the drive of a model."""
+    acts = {hook for active in model.effects for hook in ("drive", "delay")
+            if active.effect.acts(hook)}  # fmt: skip
+    if not acts:
+        return log.command
+    parts = []
+    for piece in log.pieces():
+        seen = measure(piece, model, values, log.time[0])
+        parts.append(np.stack([np.broadcast_to(m, len(piece.time)) for m in seen.delivered], 1))
+    return np.concatenate(parts)
 
 
 def _odometry(time: np.ndarray, v: tuple) -> tuple:

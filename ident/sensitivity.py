@@ -1,0 +1,223 @@
+"""How a simulated log answers to small changes of the model: the linear core of output error.
+
+A log is simulated in windows from its drive input alone.  Around that simulation the velocity error
+obeys the linear equation
+
+    d/dt dv = A(t) dv + da(t),    A = da/dv,
+
+where da is the change of the acceleration at equal velocity.  Since da of any model (other values,
+an effect more) is the one physics evaluated along the simulation, hundreds of changes cost little
+more than one simulation.  Columns carry no measurement noise: they come from the simulation, not
+from the measured velocities, so feedback in the drive does not bias what is fitted with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ident.free_run import Windows, cut_windows, seen_by_sensors
+from ident.log import Log
+from ident.signals import delivered_torques, wheel_angles
+from youbot_env import dynamics
+from youbot_env.backend import NUMPY
+from youbot_env.effects.base import Signals
+from youbot_env.model import Model
+from youbot_env.plant import Robot, Structure
+
+# Windows: at most this long, s, and as many in a log as statistics over windows need.
+LONGEST, SHORTEST, WANTED = 4.0, 2.0, 28
+# Step of numerical derivatives: relative, and the size from which it is relative.
+STEP, SMALL = 1e-3, 1e-2
+
+
+def window_length(log: Log) -> float:
+    """Length of the windows of a log, s."""
+    return float(np.clip(log.duration / WANTED, SHORTEST, LONGEST))
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """A log simulated with a model, and the linear equation of small deviations.
+
+    Attributes:
+        log, model: what is simulated with what.
+        windows: the cut log.
+        states: (W, L + 1, size) simulated states, the start of each window first.
+    """
+
+    log: Log
+    model: Model
+    windows: Windows
+    states: np.ndarray
+
+    @classmethod
+    def of(cls, log: Log, model: Model, window: float | None = None) -> Linearised:
+        """Simulate a log.
+
+        Raises:
+            ValueError: no contiguous piece of the log holds a window.
+        """
+        windows = cut_windows(log, model, window or window_length(log))
+        after = windows.simulate(model.values())
+        return cls(log, model, windows, np.concatenate([windows.start.T[:, None], after], axis=1))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(W, L) windows and samples of each."""
+        return self.windows.index.shape
+
+    @cached_property
+    def residual(self) -> np.ndarray:
+        """(W, L, m) measured less simulated outputs.
+
+        Outputs are the wheel speeds, rad/s, or, where they were measured by themselves, the body
+        velocities, m/s, m/s, rad/s.
+        """
+        log = self.log
+        measured = log.wheel_velocity if log.body_velocity is None else log.body_velocity
+        return measured[self.windows.index] - self._shaped(self._present[1])
+
+    def value_columns(self) -> np.ndarray:
+        """(W, L, m, P) derivatives of the outputs by the model's own values."""
+        values = np.array(self.model.values(), float)
+        steps = STEP * np.maximum(np.abs(values), SMALL)
+        changes = [self._change(self.model, v, self._present) for v in values + np.diag(steps)]
+        return self._outputs(changes) / steps
+
+    def model_columns(self, pairs: Iterable[tuple[Model, Model]]) -> np.ndarray:
+        """(W, L, m, K) changes of the outputs from the first to the second model of each pair."""
+        changes, last, before = [], self.model, self._present
+        for first, second in pairs:
+            if first is not last:
+                last = first
+                before = self._present if first is self.model else self._evaluate(first)
+            changes.append(self._change(second, None, before))
+        return self._outputs(changes)
+
+    def force_columns(self, wrenches: Iterable[np.ndarray]) -> np.ndarray:
+        """(W, L, m, K) changes of the outputs under extra wrenches (3, W L) on the body, N, N m."""
+        robot, s = self._robot, self.signals
+        mass = (robot.inertia or dynamics.prepare(s.geometry, s.theta)).mass
+        still = np.zeros_like(self._present[1])
+        return self._outputs([(self._stack(dynamics.solve(mass, tuple(w))), still)
+                              for w in wrenches])  # fmt: skip
+
+    @cached_property
+    def signals(self) -> Signals:
+        """What the laws read, half way through each sample interval, components (W L,)."""
+        return self._signals(self._robot, self._middle, 0.5)
+
+    @cached_property
+    def time(self) -> np.ndarray:
+        """(W, L) time of the outputs from the start of the log, s."""
+        return self.log.time[self.windows.index] - self.log.time[0]
+
+    @cached_property
+    def _rows(self) -> np.ndarray:
+        """(W L,) row of the log at which each sample interval begins."""
+        return (self.windows.index - 1).ravel()
+
+    @cached_property
+    def _middle(self) -> np.ndarray:
+        return (0.5 * (self.states[:, :-1] + self.states[:, 1:])).reshape(-1, self.states.shape[2])
+
+    @cached_property
+    def _end(self) -> np.ndarray:
+        return self.states[:, 1:].reshape(-1, self.states.shape[2])
+
+    @cached_property
+    def _angles(self) -> np.ndarray:
+        return wheel_angles(self.log)
+
+    @cached_property
+    def _robot(self) -> Robot:
+        return Structure.of(self.model).bind(self.model.values())
+
+    @cached_property
+    def _present(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._evaluate(self.model)
+
+    def _change(self, model: Model, values, before) -> tuple[np.ndarray, np.ndarray]:
+        after = self._evaluate(model, values)
+        return after[0] - before[0], after[1] - before[1]
+
+    def _evaluate(
+        self, model: Model, values=None, middle: np.ndarray | None = None, end=None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Acceleration (3, W L) half way and outputs (m, W L) at the end of each interval."""
+        middle, end = self._middle if middle is None else middle, self._end if end is None else end
+        values = model.values() if values is None else values.tolist()
+        structure = Structure.of(model)
+        robot, rest = structure.bind(values), structure.rest().internal
+        torque = tuple(delivered_torques(self.log, model, values)[self._rows].T)
+        s = self._signals(robot, middle, 0.5)
+        wrench = robot.wrench(torque, s, rest, NUMPY)
+        acceleration = self._stack(robot.acceleration(wrench, s))
+        s = self._signals(robot, end, 1.0)
+        if robot.acting("slip"):
+            robot.wrench(torque, s, rest, NUMPY)
+        return acceleration, self._stack(seen_by_sensors(robot, s, self.log))
+
+    def _signals(self, robot: Robot, states: np.ndarray, share: float) -> Signals:
+        rows, log = self._rows, self.log
+        angle = ()
+        if robot.reads_wheel_angle:
+            angle = (1 - share) * self._angles[rows] + share * self._angles[rows + 1]
+            angle = tuple(angle.T)
+        t = (1 - share) * log.time[rows] + share * log.time[rows + 1] - log.time[0]
+        command = tuple(log.command[rows].T)
+        return robot.signals(t, tuple(states[:, 3:6].T), tuple(states[:, :3].T), angle, command,
+                             NUMPY)  # fmt: skip
+
+    @cached_property
+    def _slopes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives by velocity: of accelerations (W L, 3, 3) and of outputs (W L, m, 3)."""
+        slopes, step = [], 1e-4
+        for axis in range(3):
+            ends = []
+            for sign in (1.0, -1.0):
+                states = [part.copy() for part in (self._middle, self._end)]
+                for part in states:
+                    part[:, 3 + axis] += sign * step
+                ends.append(self._evaluate(self.model, None, *states))
+            slopes.append([(a - b) / (2 * step) for a, b in zip(*ends, strict=True)])
+        return tuple(np.stack(part).transpose(2, 1, 0) for part in zip(*slopes, strict=True))
+
+    @cached_property
+    def _transition(self) -> tuple[np.ndarray, np.ndarray]:
+        """(W, L, 3, 3) from dv to the next dv, and from a held da to it, by the trapezoidal rule.
+
+        The rule is stable however steep a friction law is.
+        """
+        h, A = self.windows.step.reshape(-1, 1, 1), self._slopes[0]
+        inverse = np.linalg.inv(np.eye(3) - 0.5 * h * A)
+        shape = (*self.shape, 3, 3)
+        return (inverse @ (np.eye(3) + 0.5 * h * A)).reshape(shape), (inverse * h).reshape(shape)
+
+    def _outputs(self, changes: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """(W, L, m, K) outputs that follow from changes of acceleration and of outputs."""
+        (windows, length), count = self.shape, len(changes)
+        if not changes:
+            return np.zeros((*self.residual.shape, 0))
+        drive = np.stack([a for a, _ in changes], axis=-1).reshape(3, windows, length, count)
+        keep, gain = self._transition
+        drive = np.einsum("wlij,jwlk->lwik", gain, drive, optimize=True)
+        dv = np.empty((length, windows, 3, count))
+        now = np.zeros((windows, 3, count))
+        for at in range(length):
+            now = keep[:, at] @ now + drive[at]
+            dv[at] = now
+        direct = np.stack([o for _, o in changes], axis=-1).reshape(-1, windows, length, count)
+        slope = self._slopes[1].reshape(windows, length, -1, 3)
+        follow = slope @ dv.transpose(1, 0, 2, 3)
+        return follow + direct.transpose(1, 2, 0, 3)
+
+    def _shaped(self, flat: np.ndarray) -> np.ndarray:
+        return flat.reshape(-1, *self.shape).transpose(1, 2, 0)
+
+    def _stack(self, components) -> np.ndarray:
+        return np.array([np.broadcast_to(c, len(self._rows)) for c in components], float)
