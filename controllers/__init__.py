@@ -14,7 +14,7 @@ from controllers.base import Controller, Settings
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
-__all__ = ["Controller", "Settings", "controller_names", "make"]
+__all__ = ["Controller", "Settings", "controller_names", "find", "make"]
 
 
 @cache
@@ -31,6 +31,20 @@ def _found() -> dict[str, type[Controller]]:
 def controller_names() -> tuple[str, ...]:
     """Names that ``make`` knows, sorted."""
     return tuple(sorted(_found()))
+
+
+def find(name: str) -> type[Controller]:
+    """The class of a controller, to read its ``Settings`` or what it needs.
+
+    Raises:
+        ValueError: unknown name.
+    """
+    known = _found()
+    if name not in known:
+        near = difflib.get_close_matches(name, known, 1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise ValueError(f"unknown controller {name!r}; {hint}known: {sorted(known)}")
+    return known[name]
 
 
 def make(name: str, model: str | os.PathLike | Model, **settings: Any) -> Controller:
@@ -50,12 +64,7 @@ def make(name: str, model: str | os.PathLike | Model, **settings: Any) -> Contro
         >>> controller.env_kwargs["action_level"]
         'torque'
     """
-    known = _found()
-    if name not in known:
-        near = difflib.get_close_matches(name, known, 1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        raise ValueError(f"unknown controller {name!r}; {hint}known: {sorted(known)}")
-    kind = known[name]
+    kind = find(name)
     accepted = [field.name for field in fields(kind.Settings)]
     unknown = sorted(set(settings) - set(accepted))
     if unknown:

@@ -54,6 +54,7 @@ class Controller:
     Class attributes:
         name: what ``make`` calls it.
         action_level: ``torque`` or ``velocity``, see ``youbot_env.envs.tracking``.
+        uses_model: whether another model of the same platform changes what it does.
         Settings: dataclass of its settings.
 
     Attributes:
@@ -64,6 +65,7 @@ class Controller:
 
     name: ClassVar[str]
     action_level: ClassVar[str] = "torque"
+    uses_model: ClassVar[bool] = True
     Settings: ClassVar[type[Settings]] = Settings
 
     def __init__(self, model: Model, settings: Settings):

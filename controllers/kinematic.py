@@ -39,6 +39,7 @@ class Kinematic(base.Controller):
 
     name = "kinematic"
     action_level = "velocity"
+    uses_model = False
     Settings = Settings
 
     def act(self, seen: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
