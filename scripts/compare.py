@@ -2,71 +2,172 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import console
+import numpy as np
 import typer
+from identify import in_words, parse_mapping, read_log, section
 
-from ident.comparison import Comparison, compare
-from ident.log import Log
-from youbot_env.model_file import load_model
+from ident.comparison import Standing, compare, rank
+from ident.report.compare import comparison_page
+from ident.report.compare_words import (
+    FREE_RUN_HEAD,
+    WHERE_HEAD,
+    equation_head,
+    equation_rows,
+    failing,
+    free_run_rows,
+    harmonic_rows,
+    note,
+    stretch_rows,
+    verdict,
+    where_rows,
+)
+from youbot_env.model import Model
+from youbot_env.model_file import find_model, load_model
 
 LOG = console.ROOT / "logs" / "youbot_test.csv"
-SHOWN = 6
+DEFAULT = ("nominal", str(console.ROOT / "models" / "identified.yaml"))
+SHOWN = 10
+MODEL_FILES = ("", ".yaml", ".yml")
 
 
 def main(
     log: Annotated[
-        Path | None, typer.Argument(metavar="[LOG]", help="The log; a bundled one if left.")
+        Path | None,
+        typer.Argument(metavar="[LOG]", help="The log, before --model; a bundled one if left."),
     ] = None,
     model: Annotated[
         list[str] | None,
-        typer.Option(help="Model file, nominal or paper; may be repeated."),
+        typer.Option(
+            metavar="MODEL ...",
+            help="Models: files, nominal or paper; nominal and the bundled identified one if left.",
+        ),
     ] = None,
     window: Annotated[float, typer.Option(min=0.1, help="Length of the free runs, s.")] = 5.0,
-    seed: console.Seed = 0,
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
+    ] = None,
     json_file: console.Json = None,
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map", metavar="NAME=COLUMN", help="Column of a foreign header; may be repeated."
+        ),
+    ] = None,
+    kt: Annotated[
+        float | None, typer.Option(help="Torque constant, N m/A, where the log holds currents.")
+    ] = None,
+    gear: Annotated[
+        float | None, typer.Option(help="Motor turns per wheel turn, where the log holds currents.")
+    ] = None,
+    seed: console.Seed = 0,
 ) -> None:
-    """Compare models with a measured log."""
-    console.check_writable(json_file)
-    models = [load_model(name) for name in model or ("nominal", "paper")]
-    path = log or LOG
-    if not path.exists():
-        raise ValueError(f"no log {console.shown(path)!r}; check the name")
-    record = Log.load(path, models[0].platform)
-    with console.progress("comparing", len(models), "models") as show:
-        found: list[Comparison] = []
-        for number, one in enumerate(models, start=1):
-            found += compare(record, [one], window, seed)
-            show(number)
-    best = min(found, key=lambda comparison: comparison.run.nrmse)
-    console.out.print(
-        f"{best.model.name} explains {record.name} best, "
-        f"free-run error {100 * best.run.nrmse:.3g} %\n"
-    )
-    rows = [
-        (c.model.name, *(f"{v:.3g}" for v in c.run.rmse), f"{100 * c.run.nrmse:.3g}",
-         *(f"{100 * v:.3g}" for v in c.equation))
-        for c in found
-    ]  # fmt: skip
-    headings = ("model", "vx m/s", "vy m/s", "yaw rad/s", "free run %", "X %", "Y %", "yaw %",
-                "equations %")  # fmt: skip
-    console.table("Errors", headings, rows)
-    where = [
-        (r.name, f"{100 * r.share_of_error:.0f}",
-         f"{100 * r.ci95[0]:.0f} ... {100 * r.ci95[1]:.0f}", f"{100 * r.share_of_time:.0f}")
-        for r in best.where[:SHOWN]
-    ]  # fmt: skip
-    console.table(
-        f"\nWhere the equations of {best.model.name} fail most",
-        ("regime", "share of error %", "95 % interval", "share of time %"),
-        where,
-    )
-    result = {"log": record.name, "models": [comparison.as_dict() for comparison in found]}
-    history = console.provenance(seed, {record.source: record.digest})
+    """Compare models with a measured log: errors, where they gather, and when they are worst.
+
+    Free run: velocities simulated from the measured drive input alone, in windows.  Equation: what
+    the filtered equations of motion leave of the measured forces.
+    """
+    console.check_writable(json_file, None if report is None else report / "index.html")
+    models = read_models(model or DEFAULT)
+    record = read_log(log or LOG, models[0].platform, parse_mapping(mapping), kt, gear)
+    steps = len(models) + (report is not None)
+    with console.progress("comparing", steps, "steps") as show:
+        standings = rank(compare(record, models, window, seed, show), seed)
+        history = console.provenance(seed, {record.source: record.digest})
+        # Where every simulation runs away there is nothing to draw.
+        drawable = report is not None and bool(np.isfinite(standings[0].comparison.run.nrmse))
+        page = comparison_page(standings, in_words(history)) if drawable else None
+        show(steps)
+    result = {
+        "log": record.name,
+        "best": standings[0].comparison.model.name,
+        "models": [s.comparison.as_dict() for s in in_order(standings, models)],
+        "ranking": [standing.as_dict() for standing in standings],
+        "window": window,
+    }
     console.write_json(json_file, result | {"provenance": history})
+    tell(standings, None if page is None else page.write(report))
+
+
+def read_models(words: tuple[str, ...] | list[str]) -> list[Model]:
+    """Load models; two of one name are told apart by their folders.
+
+    Raises:
+        ValueError: a word that is no model file, or a model given twice.
+    """
+    files: list[Path] = []
+    for word in words:
+        if Path(word).suffix not in MODEL_FILES and Path(word).exists():
+            raise ValueError(
+                f"--model {console.shown(word)}: no model file; put a log before --model, as in "
+                f"compare.py {console.shown(word)} --model nominal"
+            )
+        files.append(find_model(word).resolve())
+        if files[-1] in files[:-1]:
+            raise ValueError(f"--model {console.shown(word)} is given twice; leave one out")
+    models = [load_model(file) for file in files]
+    names = [model.name for model in models]
+    models = [
+        replace(model, name=f"{file.parent.name}/{model.name}")
+        if names.count(model.name) > 1
+        else model
+        for file, model in zip(files, models, strict=True)
+    ]
+    if len({model.name for model in models}) < len(models):
+        raise ValueError(f"--model: several models are called {names[0]!r}; rename their files")
+    return models
+
+
+def in_order(standings: list[Standing], models: list[Model]) -> list[Standing]:
+    """Standings in the order in which the models were given."""
+    at = {model.name: k for k, model in enumerate(models)}
+    return sorted(standings, key=lambda standing: at[standing.comparison.model.name])
+
+
+def tell(standings: list[Standing], page: Path | None) -> None:
+    """Say what was found: the verdict, then errors, then where and when they are."""
+    best = standings[0].comparison
+    console.out.print(verdict(standings), style="bold", soft_wrap=True)
+    console.out.print(failing(best), soft_wrap=True)
+    section("Note", [note(best.log)] if note(best.log) else [])
+    console.out.print()
+    rows = free_run_rows(standings)
+    window = best.worst[0].end - best.worst[0].start
+    console.table(
+        f"Free run in windows of {window + best.log.dt:.3g} s, rms errors", FREE_RUN_HEAD[:8],
+        [row[:8] for row in rows],
+    )  # fmt: skip
+    if len(rows) > 1:
+        console.out.print()
+        head = (FREE_RUN_HEAD[0], *FREE_RUN_HEAD[7:])
+        console.table("Free run, all axes", head, [(row[0], *row[7:]) for row in rows])
+    console.out.print()
+    console.table("Equation, rms errors", equation_head(best.force_units), equation_rows(standings))
+    console.out.print()
+    head = f"Where the equations of {best.model.name} fail most"
+    # What is left out says by less than one line more; names must not wrap.
+    columns = [WHERE_HEAD.index(name) for name in WHERE_HEAD if name != "excess"]
+    rows = [[row[k] for k in columns] for row in where_rows(best.where, SHOWN)]
+    console.table(head, [WHERE_HEAD[k] for k in columns], rows)
+    sure = [harmonic for harmonic in best.ripple if harmonic.flagged]
+    if sure:
+        console.out.print()
+        head = ("wheel", f"amplitude {best.force_units[2]}", "95 % interval", "p adjusted", "sure")
+        console.table("Repeats with the wheel's angle", head, harmonic_rows(best, len(sure)))
+    console.out.print()
+    head = ("stretch", "time s", "vx m/s", "vy m/s", "yaw rad/s", "error %", "of all error %")
+    console.table(f"When the free run of {best.model.name} is worst", head, stretch_rows(best))
+    hint = "add --report DIR for the page with the figures" if page is None else f"page: {page}"
+    console.out.print(f"\n{hint}", soft_wrap=True)
 
 
 if __name__ == "__main__":
-    console.run(main, "logs/youbot_test.csv --model nominal --model models/identified.yaml")
+    console.run(
+        main,
+        "mine.csv --model nominal models/identified.yaml --report report/compare",
+        several=("--model",),
+    )

@@ -21,6 +21,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
+import typer.core
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
@@ -55,12 +56,13 @@ class CheckFailed(Exception):
     """A check of the command said no; the message is shown and the exit status is 1."""
 
 
-def run(command: Callable[..., None], example: str) -> None:
+def run(command: Callable[..., None], example: str, several: tuple[str, ...] = ()) -> None:
     """Run a function with typer annotations as the command line, and exit with its status.
 
     Args:
         command: the function; its docstring is the help.
         example: options of one use that does something, shown in the help.
+        several: options that take all words up to the next option, as in ``--model A B C``.
     """
 
     @functools.wraps(command)
@@ -82,9 +84,28 @@ def run(command: Callable[..., None], example: str) -> None:
         rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
+
+    class Command(typer.core.TyperCommand):
+        def parse_args(self, ctx, args):
+            return super().parse_args(ctx, spread(args, several))
+
     # The backspace keeps the lines of the example as they are.
-    app.command(epilog=f"\b\nExample:\n  {_script()} {example}")(guarded)
+    app.command(cls=Command, epilog=f"\b\nExample:\n  {_script()} {example}")(guarded)
     app()
+
+
+def spread(words: Iterable[str], several: tuple[str, ...]) -> list[str]:
+    """Repeat an option before each of its values: ``--model A B`` is ``--model A --model B``."""
+    result, option, waiting, plain = [], "", False, False
+    for word in words:
+        plain = plain or word == "--"
+        if plain or (word.startswith("-") and word != "-"):
+            option, waiting = word if word in several else "", True
+        elif option:
+            result += [] if waiting else [option]
+            waiting = False
+        result.append(word)
+    return result
 
 
 def parse_effects(arguments: Iterable[str] | None) -> dict[str, dict[str, float] | None]:

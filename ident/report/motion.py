@@ -25,29 +25,37 @@ from youbot_env.stepping import pose_rate
 SHOWN = 60.0  # s; more would hide the shape of the motion
 
 
-@figure(6.2)
-def free_run_figure(canvas, nominal: FreeRun, identified: FreeRun, label: str) -> None:
+def free_run_figure(nominal: FreeRun, identified: FreeRun, label: str) -> bytes:
     """Velocities over time, measured and simulated by two models (paper Fig. 5).
 
     Args:
         nominal, identified: free runs over the same windows.
         label: what the first model is called.
     """
-    rows = nominal.time <= nominal.time[0] + SHOWN
-    time, window = (nominal.time - nominal.time[0])[rows], nominal.window[rows]
+    return velocities_figure([(label, NOMINAL, nominal), ("identified", IDENTIFIED, identified)])
+
+
+@figure(6.2)
+def velocities_figure(canvas, runs: list[tuple[str, str, FreeRun]]) -> None:
+    """Velocities over time, measured and simulated by some models.
+
+    Args:
+        runs: name, colour and free run of each model over the same windows; the last, on top, is
+            the one whose lines fit into the picture.
+    """
+    last = runs[-1][2]
+    rows = last.time <= last.time[0] + SHOWN
+    time, window = (last.time - last.time[0])[rows], last.window[rows]
     axes = canvas.subplots(3, 1, sharex=True)
     canvas.subplots_adjust(0.075, 0.085, 0.985, 0.925, hspace=0.16)
-    lines = (
-        (nominal.measured, MEASURED, 2.8, "measured"),
-        (nominal.simulated, NOMINAL, 1.2, f"simulated, {label}"),
-        (identified.simulated, IDENTIFIED, 1.2, "simulated, identified"),
-    )
+    lines = [(last.measured, MEASURED, 2.8, "measured")]
+    lines += [(run.simulated, color, 1.2, f"simulated, {label}") for label, color, run in runs]
     for k, (axis, (symbol, unit)) in enumerate(zip(axes, VELOCITIES, strict=True)):
         for values, color, width, label in lines:
             line = thin(time, values[rows, k], window)
             axis.plot(*line, color=color, linewidth=width, label=label)
         axis.set_ylabel(f"{symbol}, {unit}")
-        span(axis, nominal.measured[rows, k], identified.simulated[rows, k], margin=0.3)
+        span(axis, last.measured[rows, k], last.simulated[rows, k], margin=0.3)
     axes[-1].set_xlabel("time, s")
     axes[-1].set_xlim(time[0], time[-1])
     legend(canvas, *axes[0].get_legend_handles_labels(), bbox_to_anchor=(0.065, 1.0))

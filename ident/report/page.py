@@ -37,6 +37,22 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class Live:
+    """Something that moves: a piece of HTML with its own style and script, no outside resources.
+
+    Attributes:
+        name: its address on the page.
+        html: trusted markup, put in as it is.
+        caption: what it shows and how to use it.
+    """
+
+    name: str
+    html: str
+    caption: str
+    kind: str = field(default="live", init=False)
+
+
+@dataclass(frozen=True)
 class Grid:
     """A table: a first column of names, numbers to the right of it.
 
@@ -84,7 +100,7 @@ class Section:
     """A part of the page with a heading and a sentence on what it is about."""
 
     title: str
-    blocks: list[Picture | Grid | Notes]
+    blocks: list[Picture | Live | Grid | Notes]
     lead: str = ""
 
 

@@ -1,0 +1,175 @@
+"""Models against a measurement: errors of the equations and of the free run.
+
+Two errors: that of the equations (filtered forces) and that of the free run (velocities
+simulated from the drive input alone).  Each is given in physical units and as a share of the
+signal's rms about its mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ident.comparison.moments import Moments
+from ident.comparison.ripple import Harmonic, harmonics
+from ident.comparison.shares import DRAWS, Regime, locate
+from ident.comparison.stretches import LEAST_WINDOWS, Stretch, window_errors, worst_stretches
+from ident.free_run import WINDOW, FreeRun, free_run
+from ident.log import Log
+from ident.regression import AXES, Regression, build_regression
+from youbot_env.model import Model
+
+VELOCITIES = ("vx", "vy", "yaw_rate")
+# Units of the equations' two forces and moment, by what drives the wheels.  The factor from volts
+# to torque is not known to a log.
+FORCE_UNITS = {"torque": ("N", "N", "N m"), "voltage": ("V/m", "V/m", "V")}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One model against one log.
+
+    Attributes:
+        model: the model.
+        log: what it is compared with.
+        run: its free run.
+        run_ci95: interval of ``run.nrmse`` over the windows; None where there are too few.
+        regression: the rows of the equations.
+        residual: (N, 3) what they leave, in N m as the rows are.
+        moments: what the log shows at these rows.
+        equation: (4,) normalised equation error of X, Y, yaw and all.
+        where: regimes; those where the error gathers first.
+        ripple: harmonics of the wheel angles in the residual.
+        worst: windows of the free run with most error.
+    """
+
+    model: Model
+    log: Log
+    run: FreeRun
+    run_ci95: tuple[float, float] | None
+    regression: Regression
+    residual: np.ndarray
+    moments: Moments
+    equation: np.ndarray
+    where: tuple[Regime, ...]
+    ripple: tuple[Harmonic, ...]
+    worst: tuple[Stretch, ...]
+
+    @property
+    def run_nrmse(self) -> np.ndarray:
+        """(3,) free-run errors as shares of each velocity's rms about its mean."""
+        return self.run.rmse / np.maximum(self.run.measured.std(axis=0), 1e-12)
+
+    @property
+    def force_residual(self) -> np.ndarray:
+        """(N, 3) what the equations leave of F_X, F_Y, N, and M_O, N m (see ``force_units``)."""
+        lever = self.regression.lever
+        return self.residual / (lever, lever, 1.0)
+
+    @property
+    def force_rmse(self) -> np.ndarray:
+        """(3,) rms of ``force_residual``."""
+        return np.sqrt(np.mean(self.force_residual**2, axis=0))
+
+    @property
+    def force_units(self) -> tuple[str, str, str]:
+        """Units of ``force_residual``."""
+        return FORCE_UNITS[self.log.drive]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what ``compare.py --json`` writes for one model."""
+        return {
+            "model": self.model.name,
+            "free_run": _named(VELOCITIES, self.run.rmse) | {"nrmse": self.run.nrmse},
+            "equation": _named((*AXES, "nrmse"), self.equation),
+            "where": [regime.as_dict() for regime in self.where],
+            "free_run_nrmse": _named(VELOCITIES, self.run_nrmse),
+            "free_run_ci95": None if self.run_ci95 is None else list(self.run_ci95),
+            "equation_rms": _named(AXES, self.force_rmse)
+            | {"units": dict(zip(AXES, self.force_units, strict=True))},
+            "harmonics": [harmonic.as_dict() for harmonic in self.ripple],
+            "worst": [stretch.as_dict() for stretch in self.worst],
+        }
+
+
+def compare(
+    log: Log,
+    models: Iterable[Model],
+    window: float = WINDOW,
+    seed: int = 0,
+    progress: Callable[[int], None] | None = None,
+) -> list[Comparison]:
+    """Compare models with a log.
+
+    Args:
+        log: measured record with a drive input.
+        models: any number of models on the log's platform.
+        window: length of the free runs, s.
+        seed: of the resampling behind the intervals; the same draws for every model.
+        progress: called with the number of models done.
+
+    Raises:
+        ValueError: a model on another platform, or a log without drive input or too short.
+    """
+    found = []
+    for number, model in enumerate(models, start=1):
+        check_platform(log, model)
+        found.append(_compare(log, model, window, seed))
+        if progress is not None:
+            progress(number)
+    return found
+
+
+def check_platform(log: Log, model: Model) -> None:
+    """Refuse a model on another platform: the log's velocities would not be those it speaks of.
+
+    Raises:
+        ValueError: wheel table or radii differ from those the log was read with.
+    """
+    if model.platform.geometry != log.platform.geometry:
+        raise ValueError(
+            f"model {model.name!r} stands on platform {model.platform.name!r} with another wheel "
+            f"table or radii than the one log {log.name!r} was read with "
+            f"({log.platform.name!r}); compare models of one platform, or each with a log read "
+            "for its own"
+        )
+
+
+def _compare(log: Log, model: Model, window: float, seed: int) -> Comparison:
+    shares, windows = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+    regression = build_regression(log, model)
+    values = dict(zip(model.names(), model.values(), strict=True))
+    residual = regression.residual(np.array([values[name] for name in regression.names]))
+    spread = regression.y.std(axis=0)
+    by_axis = np.sqrt(np.mean(residual**2, axis=0)) / spread
+    total = np.sqrt(np.mean(residual**2) / np.mean(spread**2))
+    moments, run = Moments.of(log, regression), free_run(log, model, window)
+    return Comparison(
+        model,
+        log,
+        run,
+        _interval(window_errors(run), windows),
+        regression,
+        residual,
+        moments,
+        np.append(by_axis, total),
+        locate(moments, regression, residual, shares),
+        harmonics(log, model, regression, residual),
+        worst_stretches(log, run),
+    )
+
+
+def _interval(squared: np.ndarray, rng: np.random.Generator) -> tuple[float, float] | None:
+    """Interval of the root of the mean of windows' squared errors (W,)."""
+    if len(squared) < LEAST_WINDOWS:
+        return None
+    drawn = squared[rng.integers(0, len(squared), (DRAWS, len(squared)))]
+    low, high = np.quantile(np.sqrt(drawn.mean(axis=1)), [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _named(names: tuple[str, ...], values: np.ndarray) -> dict[str, float]:
+    return {name: float(value) for name, value in zip(names, values, strict=True)}
