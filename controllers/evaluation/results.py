@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 
 import numpy as np
@@ -50,12 +51,17 @@ class Results:
 
     def ratio(self, metric: str, worse: dict, better: dict, **which) -> Figure:
         """How many times smaller a metric is with one choice than with another."""
-        return ratio(self.robots(metric, **worse, **which), self.robots(metric, **better, **which))
+        return _paired(ratio, [self.robots(metric, **one, **which) for one in (worse, better)])
 
     def gap_closed(self, metric: str, controller: str, model: str, **which) -> Figure:
         """Share of the way from nominal to oracle that a model goes, for one controller."""
-        errors = [
-            self.robots(metric, controller=controller, model=name, **which)
-            for name in (NOMINAL, model, ORACLE)
-        ]
-        return gap_closed(*errors)
+        which |= {"controller": controller}
+        models = (NOMINAL, model, ORACLE)
+        return _paired(gap_closed, [self.robots(metric, model=name, **which) for name in models])
+
+
+def _paired(statistic: Callable[..., Figure], errors: list[np.ndarray]) -> Figure:
+    """The figure, or nan where a run to compare with is missing."""
+    if len(errors[0]) and len({len(one) for one in errors}) == 1:
+        return statistic(*errors)
+    return Figure(math.nan, math.nan, math.nan, 0)

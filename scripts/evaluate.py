@@ -1,0 +1,234 @@
+"""Compare controllers with what they believe about a robot: who tracks how well, and why."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Annotated, Any
+
+import console
+import evaluate_robots
+import typer
+from evaluate_tables import error_rows, gap_rows, tell
+
+from controllers import controller_names, find, make
+from controllers.evaluation import solver_check, tornado
+from controllers.evaluation.claims import claims, solver_claims
+from controllers.evaluation.motions import FREQUENCIES, REFERENCES
+from controllers.evaluation.plan import Block, Job, default_blocks, make_jobs, weight
+from controllers.evaluation.results import Results
+from controllers.evaluation.run import Run, run_all
+from controllers.evaluation.subjects import MODELS, PLANTS, Subject, draw_subjects
+from youbot_env.model_file import load_model
+from youbot_env.simulation import Sensors
+
+# What is hidden in every robot, in the middle of the population.
+HIDDEN = {"wheel_coulomb_friction": 0.2, "yaw_scrub_friction": 2.0, "actuator_delay": 0.015}
+# The tornado asks of that many robots; the lengths of the calibration logs, s.
+TORNADO_ROBOTS, LOG_SECONDS = 4, 56.0
+
+
+def evaluate(
+    controller: Annotated[
+        list[str] | None, typer.Option(help="Name; several may follow; all of them if left.")
+    ] = None,
+    reference: Annotated[
+        list[str] | None, typer.Option(help=f"{', '.join(REFERENCES)}; several may follow.")
+    ] = None,
+    frequency: Annotated[
+        list[float] | None, typer.Option(help="Base frequency, rad/s; several may follow.")
+    ] = None,
+    plant: Annotated[
+        list[str] | None,
+        typer.Option(help="analytic, rollers; both if left."),
+    ] = None,
+    effect: console.Effects = None,
+    robots: Annotated[int, typer.Option(min=1, help="Robots on the analytic plant.")] = 6,
+    roller_robots: Annotated[int, typer.Option(min=1, help="Robots with real rollers.")] = 4,
+    noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
+    steps: Annotated[
+        int, typer.Option(min=0, help="Control periods of the test of predictive control.")
+    ] = 10_000,
+    wrong: Annotated[
+        bool, typer.Option(help="Ask which wrong parameter or missing effect costs the most.")
+    ] = True,
+    jobs: Annotated[
+        int, typer.Option(min=0, help="Processes at a time; one for each core if left.")
+    ] = 0,
+    seed: console.Seed = 0,
+    json_file: console.Json = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the page, its figures and films.")
+    ] = None,
+) -> None:
+    """Compare controllers with what they believe about a robot: who tracks how well, and why.
+
+    Robots with hidden effects are drawn; each records a calibration log and is identified from it,
+    with and without the effects.  Controllers follow references with the nominal, the identified
+    and the true model, paired robot by robot.  Without options a selection is run that takes less
+    than five minutes on two cores; with --controller, --reference or --frequency all combinations.
+    """
+    page_file = None if report is None else report / "index.html"
+    console.check_writable(json_file, page_file)
+    blocks, skipped = chosen(controller, reference, frequency, plant)
+    hidden = sizes(console.parse_effects(effect)) if effect else HIDDEN
+    counts = {"analytic": robots, "rollers": roller_robots}
+    plants = list(dict.fromkeys(block.plant for block in blocks))
+    workers = jobs or os.cpu_count() or 1
+    subjects = calibrate(plants, counts, hidden, seed, workers)
+    sensors = Sensors() if noise else None
+    results = Results(drive(blocks, counts, subjects, sensors, workers))
+    costs = wrong_beliefs(subjects, sensors, workers) if wrong else []
+    checked = claims(results)
+    solver = solver_runs(subjects[plants[0]][0], steps) if steps else None
+    if solver:
+        checked += solver_claims(solver["endurance"], solver["against_exact"])
+
+    history = console.provenance(seed)
+    used = {"hidden": hidden, "robots": {name: counts[name] for name in plants}, "noise": noise}
+    result = {"setup": used | {"skipped": skipped}, "claims": [c.as_dict() for c in checked]}
+    result |= {"errors": error_rows(results), "gap_closed": gap_rows(results)}
+    result |= {"wrong_beliefs": [c.as_dict() for c in costs], "mpc": solver}
+    address = None
+    if report is not None:
+        from evaluate_page import evaluation_page
+
+        with console.progress("page", 1) as show:
+            page = evaluation_page(results, checked, costs, solver, subjects, used, history)
+            address = page.write(report)
+            show(1)
+    console.write_json(json_file, result | {"provenance": history})
+    tell(results, checked, costs, skipped)
+    if address:
+        console.out.print(f"page: {address}", soft_wrap=True)
+
+
+def chosen(controllers, references, frequencies, plants) -> tuple[list[Block], dict[str, str]]:
+    """Blocks to run, and why some controllers cannot.
+
+    Raises:
+        ValueError: an unknown name, or a controller asked for by name that cannot be made.
+    """
+    for name in plants or ():
+        if name not in PLANTS:
+            raise ValueError(f"--plant {name}: choose from {', '.join(PLANTS)}")
+    for name in references or ():
+        if name not in REFERENCES:
+            raise ValueError(f"--reference {name}: choose from {', '.join(REFERENCES)}")
+    for w in frequencies or ():
+        if not 0.05 <= w <= 10:
+            raise ValueError(f"--frequency {w:g}: give 0.05 to 10 rad/s")
+    skipped = {}
+    for name in controllers or controller_names():
+        find(name)
+        try:
+            make(name, "nominal")
+        except (ImportError, OSError, ValueError) as error:
+            if controllers:
+                raise
+            skipped[name] = str(error)
+    usable = tuple(dict.fromkeys(controllers or controller_names()))
+    usable = tuple(name for name in usable if name not in skipped)
+    where = tuple(dict.fromkeys(plants or PLANTS))
+    if not (controllers or references or frequencies):
+        return default_blocks(usable, REFERENCES, where), skipped
+    followed = tuple(dict.fromkeys(references or REFERENCES))
+    at = tuple(sorted(set(frequencies or FREQUENCIES)))
+    return [Block(name, usable, MODELS, followed, at) for name in where], skipped
+
+
+def sizes(effects: dict[str, dict[str, float] | None]) -> dict[str, float]:
+    """Hidden effects by their first parameter, of typical size where none is given."""
+    from youbot_env.effects import get_effect
+
+    found = {}
+    for name, values in effects.items():
+        first = get_effect(name).parameters[0]
+        extra = sorted(set(values or ()) - {first.name})
+        if extra:
+            raise ValueError(
+                f"--effect {name}.{extra[0]}: sizes are drawn for {name}.{first.name} alone; "
+                f"leave it out"
+            )
+        found[name] = (values or {}).get(first.name, first.default)
+    return found
+
+
+def calibrate(
+    plants: list[str], counts: dict, hidden: dict, seed: int, workers: int
+) -> dict[str, list[Subject]]:
+    """Robots of each plant with their identified models."""
+    drawn = [
+        subject
+        for plant in plants
+        for subject in draw_subjects(plant, counts[plant], load_model("paper"), hidden, seed)
+    ]
+    calls = [(evaluate_robots.calibrated, (subject, LOG_SECONDS)) for subject in drawn[::-1]]
+    found = parallel("identifying robots", calls, workers)
+    return {
+        plant: sorted((s for s in found if s.plant == plant), key=lambda s: s.number)
+        for plant in plants
+    }
+
+
+def drive(
+    blocks: list[Block], counts: dict, subjects: dict, sensors: Sensors | None, workers: int
+) -> list[Run]:
+    """All runs of all blocks."""
+    jobs: list[Job] = make_jobs(blocks, counts)
+    calls = [
+        (run_all, (subjects[j.plant][j.robot], j.controller, j.model, j.motions, sensors))
+        for j in jobs
+    ]
+    weights = [weight(job) for job in jobs]
+    return [run for runs in parallel("driving", calls, workers, weights) for run in runs]
+
+
+def wrong_beliefs(subjects: dict, sensors: Sensors | None, workers: int) -> list[tornado.Cost]:
+    """Costs of wrong parameters and missing effects, on the first plant."""
+    asked = next(iter(subjects.values()))[:TORNADO_ROBOTS]
+    calls = [(tornado.errors, (subject, sensors)) for subject in asked]
+    return tornado.costs(parallel("wrong on purpose", calls, workers))
+
+
+def solver_runs(subject: Subject, steps: int) -> dict[str, Any]:
+    """Predictive control under stress and beside IPOPT; nothing else runs meanwhile."""
+    with console.progress("predictive control", steps, "periods") as show:
+        endurance = solver_check.endurance(subject, steps, show)
+    exact, motions = [], solver_check.EXACT_MOTIONS
+    with console.progress("beside IPOPT", len(motions), "runs") as show:
+        for number, motion in enumerate(motions, start=1):
+            exact.append(solver_check.against_exact(subject, motion))
+            show(number)
+    return {"endurance": endurance, "against_exact": exact}
+
+
+def parallel(
+    title: str, calls: list[tuple[Callable, tuple]], workers: int, weights: Iterable | None = None
+) -> list:
+    """Results of the calls in any order; progress in calls or by weight."""
+    from joblib import Parallel, delayed
+
+    weights = list(weights) if weights is not None else [1.0] * len(calls)
+
+    def one(call: Callable, arguments: tuple, share: float):
+        return share, call(*arguments)
+
+    todo = (delayed(one)(*call, share) for call, share in zip(calls, weights, strict=True))
+    found, done = [], 0.0
+    with console.progress(title, sum(weights)) as show:
+        pool = Parallel(min(workers, len(calls)), return_as="generator_unordered")
+        for share, result in pool(todo):
+            found.append(result)
+            done += share
+            show(done)
+    return found
+
+
+if __name__ == "__main__":
+    console.run(
+        evaluate,
+        "--controller kinematic mpc --plant rollers --report report",
+        ("--controller", "--reference", "--frequency", "--plant"),
+    )
