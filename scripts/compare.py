@@ -38,7 +38,7 @@ MODEL_FILES = ("", ".yaml", ".yml")
 def main(
     log: Annotated[
         Path | None,
-        typer.Argument(metavar="[LOG]", help="The log, before --model; a bundled one if left."),
+        typer.Argument(metavar="LOG", help="The log, before --model; a bundled one if left."),
     ] = None,
     model: Annotated[
         list[str] | None,

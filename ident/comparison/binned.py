@@ -44,7 +44,7 @@ def bin_means(
     """
     low, high = np.percentile(signal, (1, 99)) if span is None else span
     edges = np.linspace(low, max(high, low + 1e-9), bins + 1)
-    number = np.digitize(signal, edges) - 1
+    number = _numbers(signal, edges)
     inside = (number >= 0) & (number < bins)
     number, count = number[inside], int(stretch.max()) + 1
     cell = number * count + stretch[inside]
@@ -81,7 +81,7 @@ def cell_medians(
         edges along x and y (B + 1,), and medians (B, B, C), first index along x, NaN where empty.
     """
     edges = [np.linspace(*np.percentile(v, (0.5, 99.5)), bins + 1) for v in (x, y)]
-    i, j = (np.digitize(v, e) - 1 for v, e in zip((x, y), edges, strict=True))
+    i, j = (_numbers(v, e) for v, e in zip((x, y), edges, strict=True))
     inside = (i >= 0) & (i < bins) & (j >= 0) & (j < bins)
     cell, values = (i * bins + j)[inside], residual[inside]
     order = np.argsort(cell, kind="stable")
@@ -91,3 +91,8 @@ def cell_medians(
         if len(rows) >= fewest:
             medians[where] = np.median(rows, axis=0)
     return *edges, medians.reshape(bins, bins, -1)
+
+
+def _numbers(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Bin of each value; the last bin holds its upper edge, as in a histogram."""
+    return np.digitize(values, edges) - 1 - (values == edges[-1])

@@ -9,6 +9,7 @@ import numpy as np
 
 from ident.comparison.moments import Moments
 from ident.regression import AXES
+from youbot_env.effects.roller_ripple import PITCH
 
 QUARTERS = ("first", "second", "third", "last")
 HEADINGS = ("0", "90", "180", "270")
@@ -16,8 +17,8 @@ HEADINGS = ("0", "90", "180", "270")
 STANDSTILL = 0.1
 # After a wheel has changed its direction, s.
 AFTER_REVERSAL = 0.3
-# Six rollers a wheel: what depends on the roller repeats every 60 degrees.
-ROLLERS, SIXTHS = 6, 6
+# What depends on the roller repeats with it; a roller is divided by six.
+ROLLERS, SIXTHS = round(2 * np.pi / PITCH), 6
 
 
 @dataclass(frozen=True)
@@ -89,11 +90,10 @@ def _of_a_wheel(m: Moments, k: int):
     yield from _thirds(m.drive, "torque", np.abs(drive))
     yield "braking", "torque", drive * speed < 0
     if m.wheel_angle is not None:
-        pitch = 2 * np.pi / ROLLERS
-        sixth = np.floor(np.mod(m.wheel_angle[:, k], pitch) / pitch * SIXTHS)
+        sixth = np.floor(np.mod(m.wheel_angle[:, k], PITCH) / PITCH * SIXTHS)
         width = 360 // (ROLLERS * SIXTHS)
         for part in range(SIXTHS):
-            name = f"at {part * width}-{(part + 1) * width} of 60 deg"
+            name = f"at {part * width}-{(part + 1) * width} of {SIXTHS * width} deg"
             yield name, "wheel angle", sixth == part
 
 

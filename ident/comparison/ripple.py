@@ -56,16 +56,26 @@ def harmonics(
     """Fit harmonics of the wheel angles to a residual (N, 3); empty where no angle is known.
 
     The columns are those of the effect ``torque_ripple``; the model's own effects do not touch
-    them.
+    them.  Over a wheel that swings to and fro the orders look alike, so the clearest is fitted
+    first and the next to what it leaves.
     """
     if log.wheel_velocity is None or len(log.pieces()) > 1:
         return ()
-    found = []
     bare = replace(model, effects=(), covariance=None)
     usual = np.sqrt(np.mean(log.wheel_velocity**2))
-    for order in ORDERS:
-        if order * usual * log.dt * LEAST_SAMPLES <= 2 * np.pi:
-            found += _fit(log, bare, regression, residual, order)
+    columns = {
+        order: _columns(log, bare, order)
+        for order in ORDERS
+        if order * usual * log.dt * LEAST_SAMPLES <= 2 * np.pi
+    }
+    found: list[Harmonic] = []
+    while columns:
+        fits = {k: _fit(regression, H, residual, k, log) for k, H in columns.items()}
+        clearest = min(fits, key=lambda k: min(harmonic.p for harmonic in fits[k][0]))
+        of_order, explained = fits[clearest]
+        found += of_order
+        residual = residual - explained
+        del columns[clearest]
     if not found:
         return ()
     adjusted = stats.false_discovery_control([harmonic.p for harmonic in found], method="by")
@@ -73,24 +83,32 @@ def harmonics(
     return tuple(sorted(judged, key=lambda h: (not h.flagged, -h.amplitude)))
 
 
-def _fit(log: Log, bare: Model, regression: Regression, residual, order: int) -> list[Harmonic]:
+def _columns(log: Log, bare: Model, order: int) -> np.ndarray:
+    """(N, 3, 2n) rows of the cosines of all n wheels, then of their sines, at one."""
+    names = [f"{part}_{wheel}" for part in "ab" for wheel in log.platform.wheel_names]
+    values = dict.fromkeys(names, 0.0) | {"k": float(order)}
+    rows = build_regression(log, bare.with_effects({EFFECT: values}))
+    return rows.H[:, :, [rows.names.index(f"{EFFECT}.{name}") for name in names]]
+
+
+def _fit(
+    regression: Regression, H: np.ndarray, residual: np.ndarray, order: int, log: Log
+) -> tuple[list[Harmonic], np.ndarray]:
+    """One harmonic for each wheel, and the part (N, 3) of the residual they explain."""
     wheels = log.platform.wheel_names
-    flat = {f"{part}_{wheel}": 0.0 for part in "ab" for wheel in wheels}
-    rows = build_regression(log, bare.with_effects({EFFECT: {**flat, "k": float(order)}}))
-    chosen = [rows.names.index(f"{EFFECT}.{name}") for name in flat]
-    names = tuple(flat)
-    only = replace(regression, names=names, H=rows.H[:, :, chosen], y=residual, allowed=None)
-    estimate, count = least_squares(only), len(wheels)
+    names = tuple(f"{part}_{wheel}" for part in "ab" for wheel in wheels)
+    rows = replace(regression, names=names, H=H, y=residual, allowed=None)
+    estimate = least_squares(rows)
+    spare = max(estimate.clusters - 2, 1)
     found = []
     for k, wheel in enumerate(wheels):
-        at = [k, count + k]
+        at = [k, len(wheels) + k]
         size, covariance = estimate.values[at], estimate.covariance[np.ix_(at, at)]
         amplitude = float(np.hypot(*size))
         toward = size / max(amplitude, 1e-300)
         half = estimate.quantile * float(np.sqrt(toward @ covariance @ toward))
         wald = float(size @ np.linalg.pinv(covariance) @ size)
-        spare = estimate.clusters - 2
         p = float(stats.f.sf(wald / 2 * spare / (spare + 1), 2, spare))
         ends = (max(amplitude - half, 0.0), amplitude + half)
         found.append(Harmonic(wheel, order, amplitude, ends, p))
-    return found
+    return found, H @ estimate.values

@@ -59,10 +59,10 @@ def window_errors(run: FreeRun) -> np.ndarray:
 
 
 def worst_stretches(log: Log, run: FreeRun, count: int = WORST) -> tuple[Stretch, ...]:
-    """The windows with most error, worst first."""
+    """The windows with most error, worst first: ``count``, but no more than half of them."""
     squared = window_errors(run)
     found = []
-    for number in np.argsort(-squared)[:count]:
+    for number in np.argsort(-squared)[: min(count, (len(squared) + 1) // 2)]:
         rows = run.window == number
         time = run.time[rows] - log.time[0]
         error = run.simulated[rows] - run.measured[rows]

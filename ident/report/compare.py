@@ -60,7 +60,8 @@ def comparison_page(standings: list[Standing], provenance: dict[str, str]) -> Pa
     ]
     good = bool(np.isfinite(run.nrmse) and run.nrmse < 1.0)
     title = "Models against a measured log"
-    return Page(title, verdict(standings), good, lead, figures, sections, provenance)
+    words = verdict(standings).replace(" %", "\u00a0%")
+    return Page(title, words, good, lead, figures, sections, provenance)
 
 
 def colored(standings: list[Standing]) -> list[tuple[str, Comparison]]:

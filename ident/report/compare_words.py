@@ -35,7 +35,7 @@ def verdict(standings: list[Standing]) -> str:
         if others[0].ci95 is None and np.isfinite(others[0].ratio):
             sentence += ", in too few windows to rule out chance"
     where = ", ".join(regime.name for regime in gathering(best.comparison))
-    return f"{sentence}." + (f" It fails most: {where}." if where else "")
+    return f"{sentence}." + (f" Where {name} fails most: {where}." if where else "")
 
 
 def gathering(comparison: Comparison) -> list[Regime]:
