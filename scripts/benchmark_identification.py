@@ -11,6 +11,7 @@ import numpy as np
 import typer
 from scipy import stats
 
+from ident.benchmark.robots import draw_robots
 from ident.estimators import instrumental_variables, least_squares, reference_motion
 from ident.identification import with_estimate
 from ident.log import Log
@@ -19,12 +20,9 @@ from ident.recursive import RecursiveLeastSquares
 from ident.regression import build_regression
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
-from youbot_env.parameters import Parameters
 from youbot_env.references import calibration_sequence
 from youbot_env.simulation import Sensors, record_closed_loop
 
-# Factors on the paper's values between which each robot is drawn.
-SPREAD = (0.6, 1.4)
 CASES = {
     "100 Hz": (100.0, 0.0),
     "50 Hz": (50.0, 0.0),
@@ -87,17 +85,6 @@ def run_case(robots: int, seconds: float, rate: float, jitter: float, seed: int,
         }
         for method in METHODS
     }
-
-
-def draw_robots(count: int, seed: int) -> list[Model]:
-    """Possible robots, each parameter drawn uniformly around the paper's."""
-    rng, paper = np.random.default_rng(seed), load_model("paper")
-    values, robots = np.array(list(paper.parameters.as_dict().values())), []
-    while len(robots) < count:
-        drawn = Parameters(*(values * rng.uniform(*SPREAD, len(values))).tolist())
-        if not drawn.problems(paper.platform):
-            robots.append(Model(paper.platform, drawn, name=f"robot {len(robots)}"))
-    return robots
 
 
 def record(truth: Model, seconds: float, rate: float, jitter: float, seed: int) -> Log:

@@ -1,0 +1,90 @@
+"""How a record is taken: motion, speed, rate and jitter, drawn anew for every robot."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from ident.log import Log
+from youbot_env.model import Model
+from youbot_env.references import Reference, SmoothRandom, calibration_sequence
+from youbot_env.simulation import Sensors, record_closed_loop
+
+# Length of the record that is fitted and of the one that only verifies, s.
+FIT_SECONDS, VERIFY_SECONDS = 112.0, 48.0
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """One way to record.
+
+    Attributes:
+        rate: samples a second, Hz.
+        jitter: uniform scatter of the sample times, in sample times.
+        motion: ``calibration`` (motions I, III, II, IV) or ``smooth_random``.
+        speed: peak speed of the centre, m/s.
+        frequency: base frequency of the motion, rad/s.
+    """
+
+    rate: float = 100.0
+    jitter: float = 0.0
+    motion: str = "calibration"
+    speed: float = 0.3
+    frequency: float = 0.8
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, fast: bool = False) -> Conditions:
+        """Draw conditions.
+
+        Seven in ten records are at 100 Hz without jitter, three in five at the usual speed, four in
+        five with the calibration motions.
+
+        Args:
+            rng: source of chance.
+            fast: 100 Hz always; a drive with a delay makes the wheel loops oscillate at 50 Hz.
+        """
+        kind = rng.choice(3, p=(0.7, 0.15, 0.15))
+        usual, calibration = rng.uniform() < 0.6, rng.uniform() < 0.8
+        speed, frequency = rng.uniform(0.2, 0.4), rng.uniform(0.5, 1.2)
+        return cls(
+            rate=50.0 if kind == 1 and not fast else 100.0,
+            jitter=0.3 if kind == 2 else 0.0,
+            motion="calibration" if calibration else "smooth_random",
+            speed=0.3 if usual else round(float(speed), 3),
+            frequency=0.8 if usual else round(float(frequency), 3),
+        )
+
+    def as_dict(self) -> dict:
+        """Return the conditions by name."""
+        return asdict(self)
+
+    def reference(self, seconds: float = FIT_SECONDS) -> Reference:
+        """Return the motion of the record that is fitted."""
+        if self.motion == "calibration":
+            return calibration_sequence(self.speed, self.frequency, seconds)
+        return SmoothRandom(self.speed, 2.0 * self.frequency)
+
+    def verifying(self) -> Reference:
+        """Return the motion of the record that verifies: always another one."""
+        return SmoothRandom(self.speed, 1.5)
+
+    def times(self, seconds: float, rng: np.random.Generator) -> np.ndarray:
+        """Sample times (N,), s."""
+        count = round(seconds * self.rate)
+        late = self.jitter * rng.uniform(-0.5, 0.5, count)
+        return (np.arange(count) + late) / self.rate
+
+
+def record(
+    name: str,
+    robot: Model,
+    reference: Reference,
+    times: np.ndarray,
+    sensors: Sensors,
+    seed: np.random.SeedSequence,
+) -> Log:
+    """Drive a robot on its wheel-speed loops and return what its sensors show."""
+    number = int(seed.generate_state(1)[0])
+    channels = record_closed_loop(robot, reference, times, sensors, seed=number)
+    return Log(name, robot.platform, **channels)

@@ -1,0 +1,122 @@
+"""Run cases, many at once, none twice; a case that fails is kept with its traceback."""
+
+from __future__ import annotations
+
+import os
+import time
+import traceback
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from ident.benchmark.cases import Case, Recorded, record_case
+from ident.benchmark.methods import METHODS
+from ident.benchmark.store import Store
+from ident.free_run import free_run
+
+Task = tuple[str, Case]
+Method = Callable[..., dict[str, Any]]
+# One thread a worker: the cases are the parallelism.
+SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
+
+
+def run(
+    tasks: Iterable[Task],
+    store: Store,
+    jobs: int = 1,
+    progress: Callable[[int], None] | None = None,
+    resume: bool = True,
+    methods: dict[str, Method] = METHODS,
+) -> list[dict[str, Any]]:
+    """Answer every task and return the records, those finished before included.
+
+    Args:
+        tasks: (name of the method, case).
+        store: where finished cases are kept.
+        jobs: processes; 1 runs everything in this one.
+        progress: called with the number of tasks done.
+        resume: whether results of an earlier run of the same code count.
+        methods: functions by name; with several jobs they must be importable.
+
+    Raises:
+        RuntimeError: a worker was killed; what is finished is kept.
+    """
+    tasks = list(tasks)
+    known = store.finished() if resume else {}
+    records = [known[m, c.id] for m, c in tasks if (m, c.id) in known]
+    left = [(m, c) for m, c in tasks if (m, c.id) not in known]
+    tell = progress or (lambda done: None)
+    tell(len(records))
+    for record in _answers(left, jobs, methods):
+        records.append(store.add(record))
+        tell(len(records))
+    return records
+
+
+def _answers(tasks: list[Task], jobs: int, methods: dict[str, Method]) -> Iterable[dict[str, Any]]:
+    if jobs == 1:
+        yield from (examine(*task, methods) for task in tasks)
+        return
+    os.environ |= dict.fromkeys(SINGLE, "1")  # what the workers inherit before they load anything
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        waiting = [pool.submit(examine, *task, methods) for task in tasks]
+        try:
+            for future in as_completed(waiting):
+                yield future.result()
+        except BrokenProcessPool as error:
+            raise RuntimeError(
+                "a worker process was killed, perhaps for memory; what is finished is kept, run "
+                "again with fewer --jobs to go on"
+            ) from error
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def examine(method: str, case: Case, methods: dict[str, Method] = METHODS) -> dict[str, Any]:
+    """Record a case and ask a method about it.
+
+    Returns:
+        What ``Store`` keeps: ``method``, ``case``, ``part``, ``hidden``, ``size``, ``truth``
+        (parameters of the hidden effects), ``share`` of the torque, ``conditions``, ``oracle``
+        (free-run error of the true model on the verifying log, or None), ``answer``, ``seconds``
+        of the answer alone, and ``error``, the traceback where something failed.
+    """
+    kept: dict[str, Any] = {
+        "method": method, "case": case.id, "part": case.part, "hidden": list(case.hidden),
+        "size": case.size, "error": None, "answer": None,
+    }  # fmt: skip
+    try:
+        recorded = record_case(case)
+        kept |= _facts(recorded)
+        seed = int(case.children(6)[5].generate_state(1)[0])
+        start = time.perf_counter()
+        answer = methods[method](recorded.fit, recorded.verify, seed)
+        kept |= {"seconds": time.perf_counter() - start, "answer": answer}
+    except Exception:  # whatever it is, it belongs to this case and not to the run
+        kept["error"] = traceback.format_exc()
+    return plain(kept)
+
+
+def _facts(recorded: Recorded) -> dict[str, Any]:
+    oracle = free_run(recorded.verify, recorded.truth).nrmse if recorded.exact else None
+    return {
+        "truth": {active.identifier: active.values for active in recorded.truth.effects},
+        "share": recorded.share,
+        "conditions": recorded.conditions.as_dict(),
+        "oracle": oracle,
+    }
+
+
+def plain(value: Any) -> Any:
+    """The value in types that JSON has; numbers that are not finite become null."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not np.isfinite(value) else value
