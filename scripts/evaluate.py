@@ -11,6 +11,7 @@ import console
 import evaluate_robots
 import typer
 from evaluate_tables import error_rows, gap_rows, tell
+from identify import in_words
 
 from controllers import controller_names, find, make
 from controllers.evaluation import solver_check, tornado
@@ -20,7 +21,7 @@ from controllers.evaluation.plan import Block, Job, default_blocks, make_jobs, w
 from controllers.evaluation.results import Results
 from controllers.evaluation.run import Run, run_all
 from controllers.evaluation.subjects import MODELS, PLANTS, Subject, draw_subjects
-from youbot_env.model_file import load_model
+from youbot_env.model_file import load_model, write_atomically
 from youbot_env.simulation import Sensors
 
 # What is hidden in every robot, in the middle of the population.
@@ -95,7 +96,10 @@ def evaluate(
         from evaluate_page import evaluation_page
 
         with console.progress("page", 1) as show:
-            page = evaluation_page(results, checked, costs, solver, subjects, used, history)
+            words = in_words(history)
+            page, films = evaluation_page(results, checked, costs, solver, subjects, used, words)
+            for name, film in films.items():
+                write_atomically(report / name, film)
             address = page.write(report)
             show(1)
     console.write_json(json_file, result | {"provenance": history})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import gymnasium as gym
@@ -129,8 +129,22 @@ def make_env(
     )
 
 
-def drive(controller: Controller, env: gym.Env, motion: Motion, seed: int) -> Trace:
-    """Run one episode from the reference's own pose and velocity."""
+def drive(
+    controller: Controller,
+    env: gym.Env,
+    motion: Motion,
+    seed: int,
+    watch: Callable[[gym.Env], None] | None = None,
+) -> Trace:
+    """Run one episode from the reference's own pose and velocity.
+
+    Args:
+        controller: what drives.
+        env: what ``make_env`` made for it.
+        motion: what is followed.
+        seed: of reference and noise.
+        watch: called with the environment after every measured period.
+    """
     options = {"offset": (0.0, 0.0, 0.0), "follow": True, "reference": motion.reference}
     seen, info = env.reset(seed=seed, options=options)
     dt = controller.settings.dt
@@ -145,6 +159,8 @@ def drive(controller: Controller, env: gym.Env, motion: Motion, seed: int) -> Tr
             errors.append(info["pose"] - info["reference_pose"])
             torques.append(info["torque"])
             seconds.append(took)
+            if watch is not None:
+                watch(env)
         if lost:
             break
     return Trace(np.array(errors), np.array(torques), np.array(seconds), bool(lost))
