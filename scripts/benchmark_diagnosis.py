@@ -117,8 +117,9 @@ def require_baselines() -> None:
     missing = [name for name in BASELINES if importlib.util.find_spec(name) is None]
     if missing:
         raise ValueError(
-            f"--baselines needs {' and '.join(missing)}: pip install {' '.join(missing)}, or leave "
-            "the option out"
+            f"--baselines needs {' and '.join(missing)}: pip install pysindy, and pip install "
+            "--no-deps sysidentpy (it asks for an older NumPy and does not need it), or leave the "
+            "option out"
         )
 
 

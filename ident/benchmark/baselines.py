@@ -7,7 +7,10 @@ velocities.  Neither package is needed for anything else.
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -22,12 +25,25 @@ from youbot_env.model_file import load_model
 
 # Thresholds of PySINDy, as shares of the rms force; the verifying log chooses, as is the custom.
 THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2)
-# SysIdentPy sees every so many rows, and lets BIC choose up to so many terms.
-STRIDE, TERMS = 5, 20
+# SysIdentPy sees means over so many samples, next to unfiltered: the next velocity is then exactly
+# linear in the last and in the forces.  BIC chooses among up to so many terms.
+STRIDE, TERMS, UNFILTERED = 5, 20, 1000.0
 GENERIC = {
     "1": np.ones_like, "|v|": np.abs, "v|v|": lambda v: v * np.abs(v), "v^3": lambda v: v**3,
     "sgn v": lambda v: np.tanh(v / 0.01),
 }  # fmt: skip
+
+
+def quiet(answer: Callable) -> Callable:
+    """Keep to itself that a threshold leaves nothing, or that columns depend on each other."""
+
+    @wraps(answer)
+    def silenced(*logs: Log) -> dict[str, Any]:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return answer(*logs)
+
+    return silenced
 
 
 @dataclass(frozen=True)
@@ -49,17 +65,17 @@ class Columns:
     velocity: np.ndarray
 
 
-def columns_of(log: Log) -> Columns:
+def columns_of(log: Log, corner: float = CORNER) -> Columns:
     """Columns of all effects of the library and of generic functions of the velocities."""
     model = load_model("nominal")
-    regression = build_regression(log, model)
+    regression = build_regression(log, model, corner)
     theta = least_squares(regression, np.array(model.values())).values
     model = model.with_values(theta)
     rest, names, columns = regression.residual(theta), [], []
     for identifier in effect_names():
         for values in _arrangements(identifier, model):
             try:
-                other = build_regression(log, model.with_effects({identifier: values}))
+                other = build_regression(log, model.with_effects({identifier: values}), corner)
                 column = rest - _residual(other, model, identifier, values)
             except ValueError:
                 continue
@@ -67,7 +83,7 @@ def columns_of(log: Log) -> Columns:
                 names.append(identifier)
                 columns.append(column)
     velocity = np.stack([np.interp(regression.time, log.time, v) for v in log.velocity().T], axis=1)
-    filters = FirstOrderFilter(regression.time, CORNER)
+    filters = FirstOrderFilter(regression.time, corner)
     for function in GENERIC.values():
         for axis in range(len(AXES)):
             column = np.zeros_like(rest)
@@ -77,6 +93,7 @@ def columns_of(log: Log) -> Columns:
     return Columns(tuple(names), np.stack(columns, axis=-1), regression.H, regression.y, velocity)
 
 
+@quiet
 def sparse_regression(fit: Log, verify: Log) -> dict[str, Any]:
     """Effects whose columns PySINDy's thresholded least squares keeps, largest first."""
     from pysindy.optimizers import STLSQ
@@ -96,22 +113,28 @@ def sparse_regression(fit: Log, verify: Log) -> dict[str, Any]:
     return _answer(np.abs(best[1]), [seen.names[k] for k in common])
 
 
+@quiet
 def forward_regression(fit: Log, verify: Log) -> dict[str, Any]:
-    """Effects among the terms that SysIdentPy's FROLS picks, one linear NARX model an axis."""
+    """Effects among the terms that SysIdentPy's FROLS picks, one linear NARX model an axis.
+
+    Payloads and errors of the kinematics are no candidates: their columns hold accelerations, and
+    would give away the very velocity that is to be predicted.
+    """
     from sysidentpy.basis_function import Polynomial
     from sysidentpy.model_structure_selection import FROLS
     from sysidentpy.parameter_estimation import LeastSquares
 
-    seen = columns_of(fit)
+    seen = columns_of(fit, UNFILTERED)
     v = seen.velocity
     products = np.stack([v[:, 1] * v[:, 2], v[:, 0] * v[:, 2], v[:, 2] ** 2], axis=1)
     known = np.hstack([seen.y, v, products])
     weight = np.zeros(len(seen.names))
+    usable = [k for k, name in enumerate(seen.names) if not _accelerates(name)]
     for axis in range(len(AXES)):
-        columns = [k for k in range(len(seen.names)) if np.any(seen.values[:, axis, k])]
-        inputs = np.hstack([known, seen.values[:, axis, columns]])[::STRIDE]
+        columns = [k for k in usable if np.any(seen.values[:, axis, k])]
+        inputs = _means(np.hstack([known, seen.values[:, axis, columns]]))
         inputs = inputs / np.maximum(inputs.std(axis=0), 1e-12)
-        output = v[::STRIDE, axis, None] / v[:, axis].std()
+        output = v[: len(inputs) * STRIDE : STRIDE, axis, None] / v[:, axis].std()
         model = FROLS(
             ylag=1, xlag=[[1]] * inputs.shape[1], order_selection=True, info_criteria="bic",
             n_info_values=TERMS, estimator=LeastSquares(), basis_function=Polynomial(degree=1),
@@ -123,6 +146,19 @@ def forward_regression(fit: Log, verify: Log) -> dict[str, Any]:
             if place >= 0:
                 weight[columns[place]] = max(weight[columns[place]], float(share))
     return _answer(weight, list(seen.names))
+
+
+def _accelerates(name: str) -> bool:
+    """Tell whether the column of an effect holds accelerations, which tell the next velocity."""
+    if name == "generic":
+        return False
+    return any(get_effect(name).acts(hook) for hook in ("kinematics", "slip", "inertial"))
+
+
+def _means(rows: np.ndarray) -> np.ndarray:
+    """Means over ``STRIDE`` rows each; a rest is left out."""
+    count = len(rows) // STRIDE
+    return rows[: count * STRIDE].reshape(count, STRIDE, -1).mean(axis=1)
 
 
 def _arrangements(identifier: str, model: Model):

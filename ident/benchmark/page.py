@@ -100,19 +100,19 @@ def _effects(found: dict[str, Any]) -> list:
     keys = ("exact", "group", "holds", "wrong", "silent")
     for effect, sizes in effects.items():
         there = [sizes[size] for size in order if size in sizes]
-        shares = " / ".join(f"{100 * r['share']:.2g}" for r in there if r["share"] is not None)
+        shares = "/".join(f"{100 * r['share']:.2g}" for r in there if r["share"] is not None)
         rates = (_row(there, key) for key in keys)
         rows.append((effect, str(max(r["exact"]["count"] for r in there)), shares, *rates))
     total = [found["sizes"][size] for size in order]
     rows.append(("all", str(total[0]["exact"]["count"]), "", *(_row(total, k) for k in keys)))
-    heads = ("hidden", "logs a size", "of torque %", "exact %", "group %", "set holds it %",
+    heads = ("hidden", "logs each", "of torque %", "exact %", "group %", "set holds it %",
              "wrong %", "silent %")  # fmt: skip
     words = f"Each cell: at size {' / '.join(order)}." if len(order) > 1 else ""
     return [*blocks, Grid(heads, rows, words)]
 
 
 def _row(there: list[dict], key: str) -> str:
-    return " / ".join(
+    return "/".join(
         "–" if r[key]["value"] is None else f"{100 * r[key]['value']:.0f}" for r in there
     )
 

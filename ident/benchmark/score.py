@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import null_space
 
 from ident.benchmark.hidden import named as effect_of
 from ident.benchmark.laws import OtherLaw
 from youbot_env.effects import effect_names, get_effect
+from youbot_env.platform import youbot
 
 ROLLING = ("roller_ripple", "wheel_slip")
 
@@ -123,21 +125,26 @@ def coverage(record: dict[str, Any], step: dict[str, Any]) -> dict[str, bool]:
 
 
 def visible(effect: str, truth: dict[str, float]) -> dict[str, float]:
-    """Truth as a record can show it: of contrasts, only the differences between wheels.
+    """Truth as a record can show it.
 
-    The part common to all wheels belongs to a parameter of the robot, or (of torque constants) to
-    the invisible scale of all torques.
+    Of contrasts only the differences between wheels show: the common part belongs to a parameter of
+    the robot, or (of torque constants) to the invisible scale of all torques.  Offsets in the
+    direction of torques that move nothing do not show either.
     """
     seen = dict(truth)
     for parameter in get_effect(effect).parameters:
         names = [n for n in truth if n.startswith(f"{parameter.name}_")]
-        if parameter.contrast and len(names) > 1:
-            values = np.array([truth[name] for name in names])
-            if effect == "torque_gain":
-                values = (1.0 + values) / (1.0 + values.mean()) - 1.0
-            else:
-                values = values - values.mean()
-            seen |= dict(zip(names, values.tolist(), strict=True))
+        if not parameter.per_wheel or len(names) < 2:
+            continue
+        values = np.array([truth[name] for name in names])
+        if effect == "torque_gain":
+            values = (1.0 + values) / (1.0 + values.mean()) - 1.0
+        elif parameter.contrast:
+            values = values - values.mean()
+        if effect == "torque_offset":
+            still = null_space(youbot().jacobian_array.T)
+            values = values - still @ (still.T @ values)
+        seen |= dict(zip(names, values.tolist(), strict=True))
     return seen
 
 
