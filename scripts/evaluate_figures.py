@@ -17,12 +17,14 @@ from ident.report import look
 from youbot_env.simulation import Sensors
 
 EFFECTS = "#2f8f6b"
+# In the order of drawing: what comes later lies on top.
 COLOURS = {
+    ORACLE: look.MEASURED,
     NOMINAL: look.NOMINAL,
     IDENTIFIED: look.IDENTIFIED,
     INFORMED: EFFECTS,
-    ORACLE: look.MEASURED,
 }
+WIDE = {ORACLE: 3.2}
 DASHES = {"computed_torque": "-", "mpc": (0, (4, 1.5))}
 PLANTS = {"analytic": "equations with hidden effects", "rollers": "real rollers (MuJoCo)"}
 METRICS = {"position": "rms position error, mm", "velocity": "rms velocity error, mm/s"}
@@ -45,7 +47,7 @@ def frequency_figure(canvas, results: Results, reference: str) -> None:
         axis.set_ylabel(label)
     for axis in axes[-1]:
         axis.set_xlabel("frequency of the motion, rad/s")
-    _finish(canvas, axes, 0.86)
+    _finish(canvas, axes, 0.84)
 
 
 @look.figure(9.0)
@@ -66,7 +68,7 @@ def references_figure(canvas, results: Results) -> None:
         axis.set_title(PLANTS[plant])
     for axis in axes[-1]:
         axis.set_xlabel("frequency of the motion, rad/s")
-    _finish(canvas, axes, 0.9)
+    _finish(canvas, axes, 0.885)
 
 
 def _curves(axis, results: Results, metric: str, **which) -> None:
@@ -81,7 +83,7 @@ def _curves(axis, results: Results, metric: str, **which) -> None:
             if not points:
                 continue
             label = f"{controller.replace('_', ' ')}, {model}"
-            style = {"ls": DASHES.get(controller, "-"), "color": colour, "lw": 1.3}
+            style = {"ls": DASHES.get(controller, "-"), "color": colour, "lw": WIDE.get(model, 1.3)}
             if controller == "kinematic":
                 label, style = "kinematic", {"color": look.INK, "lw": 2.2, "marker": "o", "ms": 4}
             x = [w for w, _ in points]
@@ -102,7 +104,7 @@ def _finish(canvas, axes, top: float) -> None:
     handles, labels = axes[0][0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="upper left", ncols=3, columnspacing=1.8)
     axes[0][0].annotate(
-        "0.5 rad/s (paper)", (PAPER_LIMIT, 0.03), xycoords=("data", "axes fraction"),
+        "0.5 rad/s (paper)", (PAPER_LIMIT, 0.93), xycoords=("data", "axes fraction"),
         xytext=(4, 0), textcoords="offset points", fontsize=8.5,
     )  # fmt: skip
     canvas.subplots_adjust(top=top, left=0.09, right=0.985, bottom=0.08, hspace=0.12, wspace=0.06)
@@ -128,7 +130,7 @@ def tornado_figure(canvas, costs: list[Cost]) -> None:
         axis.barh(at, values, 0.9 * height, color=colour, label=label[kind], xerr=error,
                   error_kw={"lw": 0.9, "ecolor": look.INK})  # fmt: skip
         for y, value, end in zip(at, values, values + error[1], strict=True):
-            axis.annotate(f"{value:.2f}", (max(value, end), y), (4, 0), va="center", fontsize=8,
+            axis.annotate(f"{value:.2g}", (max(value, end), y), (4, 0), va="center", fontsize=8,
                           textcoords="offset points")  # fmt: skip
     axis.set_yticks(range(len(names)), [look.SYMBOLS.get(n, n.replace("_", " ")) for n in names])
     axis.set_xlabel("added rms error of the wheels' places, mm")

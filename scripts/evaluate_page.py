@@ -52,8 +52,8 @@ def evaluation_page(
     lead = (
         f"Robots drawn around the paper's values: {counted}. Hidden in each, within 15 %: "
         f"{hidden}. Each recorded one calibration log and was identified from it; every "
-        "controller then followed the same references under the same noise. Intervals are 95 %, bootstrapped over "
-        "paired robots."
+        "controller then followed the same references under the same noise. Intervals are 95 %, "
+        "bootstrapped over paired robots."
     )
     sections = [
         targets(checked),

@@ -6,6 +6,7 @@ reference, noise and robot, and stay together.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -76,7 +77,8 @@ def bootstrap(statistic: Callable, *samples) -> Figure:
         return Figure(value, np.nan, np.nan, count)
     for method in ("BCa", "percentile"):
         # Where every robot gives the same figure the acceleration is 0/0; nothing is skewed then.
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", stats.DegenerateDataWarning)
             found = stats.bootstrap(
                 samples, statistic, paired=True, vectorized=True, confidence_level=LEVEL,
                 n_resamples=RESAMPLES, method=method, rng=np.random.default_rng(0),
