@@ -80,6 +80,11 @@ def benchmark(
 
         written = benchmark_page(found).write(report)
         console.out.print(f"\npage: {console.shown(written)}", soft_wrap=True)
+    if found["failed"]:
+        raise console.CheckFailed(
+            f"{len(found['failed'])} of {len(tasks)} cases failed; their tracebacks are in "
+            f"{console.shown(results)}, and they are tried again next time"
+        )
 
 
 def choose(quick: bool, parts: list[str] | None, pattern: str | None, seed: int) -> list[Case]:
@@ -129,7 +134,8 @@ def print_tables(found: dict) -> None:
     for target in found.get("targets", ()):
         met = "yes" if target["met"] else "NO"
         rows.append((target["what"], *figure(target), target["target"], met))
-    console.table("Targets", ("", "figure", "95 % interval", "of", "target", "met"), rows)
+    if rows:
+        console.table("Targets", ("", "figure", "95 % interval", "of", "target", "met"), rows)
     rows = []
     for effect, sizes in found.get("effects", {}).items():
         for size, rates in sizes.items():
@@ -139,10 +145,19 @@ def print_tables(found: dict) -> None:
         console.out.print()
         heads = ("effect", "size", "logs", "exact %", "group %", "wrong %", "silent %")
         console.table("Effects of the library", heads, rows)
-    if found["failed"]:
+    rows = []
+    for method, pair in found["baselines"].items():
+        for who, rates in ((method, pair["itself"]), ("diagnosis, same logs", pair["diagnosis"])):
+            shown = (percent(rates["hidden"][key]) for key in ("exact", "first", "extra"))
+            rows.append((who, percent(rates["nothing"]["named"]), *shown))
+    if rows:
         console.out.print()
-        failed = [(f["case"], f["method"], f["error"]) for f in found["failed"]]
-        console.table("Failed cases", ("case", "method", "error"), failed)
+        heads = ("baseline", "false alarms %", "exact %", "first name right %", "too many names %")
+        console.table("Baselines", heads, rows)
+    for failed in found["failed"]:
+        console.err.print(
+            f"failed: {failed['case']} ({failed['method']}): {failed['error']}", soft_wrap=True
+        )
 
 
 def figure(target: dict) -> tuple[str, str, str]:

@@ -19,8 +19,12 @@ def benchmark_page(found: dict[str, Any]) -> Page:
     met, total = sum(t["met"] for t in targets), sum(found.get("cases", {}).values())
     return Page(
         title="Hidden-effect benchmark",
-        verdict=f"{met} of {len(targets)} targets met on {total} simulated robots",
-        good=met == len(targets),
+        verdict=(
+            f"{met} of {len(targets)} targets met on {total} simulated robots"
+            if targets
+            else "No case was diagnosed"
+        ),
+        good=bool(targets) and met == len(targets),
         lead=(
             "Each case is a robot drawn around the paper's, with sensor noise and closed wheel "
             f"loops. At full size an effect adds or takes {100 * FULL:.0f} % of the rms wheel "
