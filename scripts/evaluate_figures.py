@@ -6,7 +6,7 @@ import io
 
 import numpy as np
 
-from controllers import make
+from controllers import find, make
 from controllers.evaluation.claims import PAPER_LIMIT
 from controllers.evaluation.motions import REFERENCES, Motion
 from controllers.evaluation.results import Results
@@ -30,7 +30,7 @@ PLANTS = {"analytic": "equations with hidden effects", "rollers": "real rollers 
 METRICS = {"position": "rms position error, mm", "velocity": "rms velocity error, mm/s"}
 KINDS = {LEFT_OUT: look.NOMINAL, PERCENT: look.IDENTIFIED, INTERVAL: look.MEASURED}
 # Films: one turn of the eight at this frequency; every so many periods a frame, px, colours.
-FILMED, STRIDE, WIDTH, PALETTE = Motion("eight", 2.0, length=3.14), 8, 440, 64
+FILMED, STRIDE, WIDTH, PALETTE = Motion("eight", 1.0, length=6.28), 10, 440, 64
 
 
 @look.figure(6.6)
@@ -82,10 +82,10 @@ def _curves(axis, results: Results, metric: str, **which) -> None:
             ]
             if not points:
                 continue
-            label = f"{controller.replace('_', ' ')}, {model}"
+            label = _named(controller, model)
             style = {"ls": DASHES.get(controller, "-"), "color": colour, "lw": WIDE.get(model, 1.3)}
             if controller == "kinematic":
-                label, style = "kinematic", {"color": look.INK, "lw": 2.2, "marker": "o", "ms": 4}
+                style = {"color": look.INK, "lw": 2.2, "marker": "o", "ms": 4}
             x = [w for w, _ in points]
             values, low, high = (1e3 * np.array([f[k] for _, f in points]) for k in range(3))
             axis.plot(x, values, label=label, **style)
@@ -97,6 +97,12 @@ def _curves(axis, results: Results, metric: str, **which) -> None:
     axis.set_xticks(ticks, [f"{w:g}" for w in ticks])
     axis.minorticks_off()
     axis.yaxis.set_major_formatter("{x:g}")
+
+
+def _named(controller: str, model: str) -> str:
+    """Controller and what it believes, in words; the model only where it matters."""
+    words = controller.replace("_", " ")
+    return f"{words}, {model}" if find(controller).uses_model else words
 
 
 def _finish(canvas, axes, top: float) -> None:
@@ -142,10 +148,15 @@ def tornado_figure(canvas, costs: list[Cost]) -> None:
 
 def film(subject: Subject, rivals: tuple[tuple[str, str], ...]) -> bytes:
     """GIF of one turn of the eight, controllers with their models side by side."""
-    from PIL import Image
+    from PIL import Image, ImageDraw
 
     columns = [_frames(subject, controller, model) for controller, model in rivals]
     pictures = [Image.fromarray(np.hstack(pair)) for pair in zip(*columns, strict=True)]
+    for picture in pictures:
+        for number, (controller, model) in enumerate(rivals):
+            words = _named(controller, model)
+            place = (60 + number * picture.width // len(rivals), 24)
+            ImageDraw.Draw(picture).text(place, words, look.INK, font_size=20)
     height = round(WIDTH * pictures[0].height * len(rivals) / pictures[0].width)
     small = [p.resize((WIDTH * len(rivals), height), Image.Resampling.LANCZOS) for p in pictures]
     palette = small[0].quantize(PALETTE)

@@ -100,7 +100,7 @@ def times_below(results: Results, plant: str) -> list[Claim]:
                 if not ratios:
                     continue
                 where = min(ratios, key=lambda name: ratios[name].value)
-                text = f"{controller}, {model}: {WORDS[metric]} below the kinematic controller's"
+                text = f"{controller}, {model}: {WORDS[metric]} below kinematic"
                 met = ratios[where].value >= target
                 words = f"at least {target:g}"
                 found.append(Claim(plant, text, ratios[where], words, met, "times", where))
@@ -122,7 +122,7 @@ def gaps(results: Results, plant: str) -> list[Claim]:
             )
             if math.isnan(figure.value):
                 continue
-            text = f"{controller}, {model}: share of the gap from nominal to oracle closed"
+            text = f"{controller}, {model}: share of the gap nominal to oracle"
             found.append(Claim(plant, text, figure, f"at least {GAP:g}", figure.value >= GAP))
     return found
 
