@@ -27,7 +27,7 @@ from youbot_env.model_file import load_model
 THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2)
 # SysIdentPy sees means over so many samples, next to unfiltered: the next velocity is then exactly
 # linear in the last and in the forces.  BIC chooses among up to so many terms.
-STRIDE, TERMS, UNFILTERED = 5, 20, 1000.0
+STRIDE, TERMS, UNFILTERED = 5, 20, 300.0
 GENERIC = {
     "1": np.ones_like, "|v|": np.abs, "v|v|": lambda v: v * np.abs(v), "v^3": lambda v: v**3,
     "sgn v": lambda v: np.tanh(v / 0.01),
