@@ -92,7 +92,7 @@ class Policy:
         return self.mean.astype(np.float32), (1.0 / self.deviation).astype(np.float32)
 
     def __call__(self, features: np.ndarray) -> np.ndarray:
-        """Actions (robots, n) float32, in [-share, share] where squashed, of features (robots, d)."""
+        """Actions (robots, n) float32, in [-share, share], of features (robots, d)."""
         mean, scale = self._folded
         signal = np.clip((features.astype(np.float32) - mean) * scale, -self.clip, self.clip)
         act, last = ACTIVATIONS[self.activation], len(self.weights) - 1
