@@ -55,7 +55,9 @@ class Adaptive(ComputedTorque):
     m and h the momentum and the velocity forces at unit parameters, w the generalized forces of the
     commands and of the model's effects.  Recursive least squares starts from the model's values
     with their uncertainty and forgets exponentially toward them, so that what a motion does not
-    excite returns to the model and nothing winds up.  Effects keep the values of the model.
+    excite returns to the model and nothing winds up.  Effects keep the values of the model, and so
+    do the masses in the observer of disturbances.  A constant force that the model lacks distorts
+    the estimate: it passes for friction.
     """
 
     name = "adaptive"

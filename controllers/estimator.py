@@ -18,7 +18,7 @@ import numpy as np
 from controllers.preview import preview_weights
 from youbot_env.backend import casadi_ops
 from youbot_env.compiled import advance_function
-from youbot_env.dynamics import momentum
+from youbot_env.dynamics import Theta, momentum
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model import Model
 from youbot_env.plant import Structure
@@ -28,6 +28,7 @@ from youbot_env.stepping import pose_rate, rk4_step
 OPS = casadi_ops()
 # Pose and velocity come first in the flat state and are observed.
 BODY = 6
+THETA = len(Theta._fields)
 
 
 class Situation(NamedTuple):
@@ -76,6 +77,7 @@ class Estimator:
         size: length of the memory.
         state: slice of the memory with the flat state at the last observation.
         sent: slice of the memory with the commands sent, N m, newest first.
+        guide: length of ``weights``.
     """
 
     head = 10
@@ -98,6 +100,7 @@ class Estimator:
         self.size = self.head + self._flat + self._history * len(task.platform.wheels)
         self.state = slice(self.head, self.head + self._flat)
         self.sent = slice(self.state.stop, self.size)
+        self.guide = 2 * (task.preview + 1) + THETA
 
     @property
     def key(self) -> tuple:
@@ -105,9 +108,15 @@ class Estimator:
         return self.structure.key, self.substeps, self._history
 
     def weights(self, model: Model) -> np.ndarray:
-        """Preview weights (2 (preview + 1),) with which ``function`` sees across the delay."""
+        """Numbers (guide,) that ``build``'s function takes besides the values of the model.
+
+        Preview weights 2 (preview + 1) with which it sees across the delay, and the seven
+        parameters whose masses turn velocity into force.  They stay those of the model where a
+        controller learns its values: an observer with a mass too large is unstable.
+        """
         delay = self.structure.bind(model.values()).delay()
-        return preview_weights(self.task, [delay / 2, delay]).ravel()
+        ahead = preview_weights(self.task, [delay / 2, delay]).ravel()
+        return np.concatenate([ahead, model.values()[:THETA]])
 
     def build(self) -> ca.Function:
         """Trace ``F(seen, yaw, memory, values, weights) -> Situation`` of one robot."""
@@ -115,7 +124,7 @@ class Estimator:
         seen = ca.SX.sym("seen", task.observation_space.shape[0])
         yaw, memory = ca.SX.sym("yaw"), ca.SX.sym("memory", self.size)
         values = ca.SX.sym("values", self.structure.value_count)
-        weights = ca.SX.sym("weights", 2 * count)
+        weights = ca.SX.sym("weights", self.guide)
         twists = ca.reshape(seen[8:], 3, count)
         t, first = memory[0] * task.dt, memory[0] < 0.5
         # The first observations are averaged, later ones forget the older.
@@ -137,14 +146,16 @@ class Estimator:
         carried = advance(before, commands, values, t - task.dt, task.dt)
         if self._flat > BODY:
             state = ca.vertcat(state, ca.if_else(first, 0.0, carried[BODY:]))
-        push = self._momentum(values, state, t, seen[3:6] - carried[3:6]) / task.dt
+        masses, missed = Theta(*ca.vertsplit(weights[-THETA:])), seen[3:6] - carried[3:6]
+        geometry = self.structure.platform.geometry
+        push = ca.vertcat(*momentum(geometry, masses, tuple(ca.vertsplit(missed)))) / task.dt
         disturbance = memory[7:10] + self._push_share * (push - memory[7:10])
         disturbance = ca.if_else(first, 0.0, disturbance)
         after = ca.vertcat(memory[0] + 1.0, place, heading, rate, disturbance, state, sent)
         wanted, twist = ca.vertcat(place, heading), twists[:, 0]
         if self.delayed:
             delay = self.structure.bind(ca.vertsplit(values)).delay()
-            ahead = ca.mtimes(twists, ca.reshape(weights, count, 2))
+            ahead = ca.mtimes(twists, ca.reshape(weights[: 2 * count], count, 2))
             state = self._simulate(state, commands, values, t, delay)
             wanted, twist = _move(wanted, twist, ahead[:, 0], ahead[:, 1], delay), ahead[:, 1]
             t = t + delay
@@ -156,14 +167,6 @@ class Estimator:
         start, size = self.sent.start, len(self.task.platform.wheels)
         parts = (memory[:start], command, memory[start : self.size - size])
         return np.concatenate(parts) if isinstance(memory, np.ndarray) else ca.vertcat(*parts)
-
-    def _momentum(self, values, state, t, velocity):
-        """Generalized momentum (3,) of a velocity, body frame, with the masses of the model."""
-        robot = self.structure.bind(ca.vertsplit(values))
-        now = self.structure.unflatten(ca.vertsplit(state))
-        rest = (0.0,) * len(robot.platform.wheels)
-        s = robot.signals(t, now.velocity, now.pose, now.wheel_angle, rest, OPS)
-        return ca.vertcat(*momentum(s.geometry, s.theta, tuple(ca.vertsplit(velocity))))
 
     def _simulate(self, state, commands, values, t, delay):
         """Bridge the delay: the k-th newest command acts until ``delay - k dt`` from now."""

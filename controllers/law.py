@@ -148,9 +148,10 @@ class LawController(Controller):
         """Make symbols of the law's inputs and what follows from them."""
         task, count, estimate = self.task, self.task.preview + 1, self.estimator.build()
         seen, yaw, memory, values = symbols = estimate.sx_in()[:4]
-        weights = ca.SX.sym("weights", 4 * count)
-        now = Situation(*estimate(seen, yaw, memory, values, weights[: 2 * count]))
-        twists, middle = ca.reshape(seen[8:], 3, count), weights[2 * count :]
+        guide = self.estimator.guide
+        weights = ca.SX.sym("weights", guide + 2 * count)
+        now = Situation(*estimate(seen, yaw, memory, values, weights[:guide]))
+        twists, middle = ca.reshape(seen[8:], 3, count), weights[guide:]
         ahead = ca.mtimes(twists, ca.reshape(middle, count, 2))
         state = self.estimator.structure.unflatten(ca.vertsplit(now.state))
         present, twist, rate = (

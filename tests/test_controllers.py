@@ -135,7 +135,7 @@ def test_every_effect_in_the_model_helps():
         assert 10 * informed < ignorant
 
 
-@pytest.mark.parametrize("name", ["computed_torque", "lqr", "adaptive", "mpc"])
+@pytest.mark.parametrize("name", ["computed_torque", "lqr", "mpc"])
 def test_a_force_that_the_model_lacks_is_learned_and_compensated(name):
     robot = PAPER.with_effects({"cable_tether": {"k": 0.0, "fx": 15.0, "fy": -10.0}})
     settings = {"time_limit": 1.0} if name == "mpc" else {}
@@ -163,6 +163,21 @@ def test_the_disturbance_is_the_force_in_the_frame_of_the_robot_and_does_not_win
     wrench = PAPER.platform.jacobian_array.T @ np.full(4, -0.3)
     np.testing.assert_allclose(pushes[-1], wrench, rtol=0.02, atol=0.1)
     assert np.abs(pushes).max(axis=0)[0] < 1.01 * abs(wrench[0])
+
+
+def test_learned_masses_do_not_reach_the_gain_of_the_observer():
+    task = TrackingTask(PAPER.platform, dt=0.01, preview=2, preview_stride=1)
+    estimator = Estimator(PAPER, task, disturbance_time=0.1)
+    estimate, weights, heavy = estimator.build(), estimator.weights(PAPER), np.array(PAPER.values())
+    heavy[0] *= 3
+    memory, seen = np.zeros(estimator.size), np.zeros(8 + 9)
+    memory[0] = 1.0
+    seen[[3, 6]] = 0.1, 1.0  # at rest before, without a command
+    pushes = [estimate(seen, 0.0, memory, v, weights)[4] for v in (PAPER.values(), heavy)]
+    np.testing.assert_allclose(*map(np.asarray, pushes))
+    share = 1 - np.exp(-0.01 / 0.1)
+    inertia = PAPER.values()[0] + 4 * PAPER.values()[2] / PAPER.platform.wheel_radius**2
+    assert float(pushes[0][0]) == pytest.approx(share * 0.1 * inertia / 0.01)
 
 
 def test_smoothing_the_pose_costs_nothing_where_nothing_is_noisy():
