@@ -45,8 +45,8 @@ def evaluate(
         typer.Option(help="analytic, rollers; both if left."),
     ] = None,
     effect: console.Effects = None,
-    robots: Annotated[int, typer.Option(min=1, help="Robots on the analytic plant.")] = 6,
-    roller_robots: Annotated[int, typer.Option(min=1, help="Robots with real rollers.")] = 4,
+    robots: Annotated[int, typer.Option(min=1, help="Robots on the analytic plant.")] = 5,
+    roller_robots: Annotated[int, typer.Option(min=1, help="Robots with real rollers.")] = 3,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
     steps: Annotated[
         int, typer.Option(min=0, help="Control periods of the test of predictive control.")

@@ -179,11 +179,11 @@ def test_motions_last_whole_half_periods_and_stay_possible():
     for w in (0.5, 1.0, 3.0, 4.0):
         halves = Motion("eight", w).seconds * w / math.pi
         assert halves == pytest.approx(round(halves))
-        assert 4.0 <= Motion("eight", w).seconds <= 16.0
+        assert 4.0 <= Motion("eight", w).seconds <= 12.6
         _, rate, _ = Motion("eight", w).reference.sample(np.arange(0, 20, 0.01))
         assert np.abs(rate[2]).max() <= 0.81
         assert np.hypot(*rate[:2]).max() == pytest.approx(0.3, rel=0.01)
-    assert Motion("circle", 0.1).seconds == 16.0
+    assert Motion("circle", 0.1).seconds == 12.6
     with pytest.raises(ValueError, match="'spiral'"):
         Motion("spiral", 1.0)
     with pytest.raises(ValueError, match="speed 2"):

@@ -13,7 +13,7 @@ YAW_RATE, SWING = 0.8, 0.5
 REFERENCES = ("eight", "circle", "multisine", "step")
 FREQUENCIES = (0.1, 0.25, 0.5, 1.0, 2.0, 3.0, 4.0)
 # Time before the measurement, s; whole half periods are measured, at least and at most so long, s.
-SETTLE, SHORTEST, LONGEST = 1.0, 4.0, 16.0
+SETTLE, SHORTEST, LONGEST = 1.0, 4.0, 12.6
 
 
 @dataclass(frozen=True)
