@@ -5,8 +5,9 @@ from __future__ import annotations
 import io
 
 import numpy as np
+from evaluate_tables import named
 
-from controllers import find, make
+from controllers import make
 from controllers.evaluation.claims import PAPER_LIMIT
 from controllers.evaluation.motions import REFERENCES, Motion
 from controllers.evaluation.results import Results
@@ -62,16 +63,19 @@ def references_figure(canvas, results: Results) -> None:
             if len(results.robots("position", **which)):
                 _curves(axis, results, "position", **which)
             else:
+                axis.set_axis_off()
                 axis.text(0.5, 0.5, "not run", transform=axis.transAxes, ha="center")
         row[0].set_ylabel(f"{reference}\nposition error, mm")
     for axis, plant in zip(axes[0], plants, strict=True):
         axis.set_title(PLANTS[plant])
     for axis in axes[-1]:
         axis.set_xlabel("frequency of the motion, rad/s")
-    _finish(canvas, axes, 0.885)
+    _finish(canvas, axes, 0.885, 0.1)
 
 
 def _curves(axis, results: Results, metric: str, **which) -> None:
+    from matplotlib.ticker import LogLocator
+
     for controller in ("kinematic", *DASHES):
         for model, colour in COLOURS.items():
             one = which | {"controller": controller, "model": model}
@@ -82,7 +86,7 @@ def _curves(axis, results: Results, metric: str, **which) -> None:
             ]
             if not points:
                 continue
-            label = _named(controller, model)
+            label = named(controller, model)
             style = {"ls": DASHES.get(controller, "-"), "color": colour, "lw": WIDE.get(model, 1.3)}
             if controller == "kinematic":
                 style = {"color": look.INK, "lw": 2.2, "marker": "o", "ms": 4}
@@ -96,16 +100,11 @@ def _curves(axis, results: Results, metric: str, **which) -> None:
     ticks = results.of("frequency")
     axis.set_xticks(ticks, [f"{w:g}" for w in ticks])
     axis.minorticks_off()
+    axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.yaxis.set_major_formatter("{x:g}")
 
 
-def _named(controller: str, model: str) -> str:
-    """Controller and what it believes, in words; the model only where it matters."""
-    words = controller.replace("_", " ")
-    return f"{words}, {model}" if find(controller).uses_model else words
-
-
-def _finish(canvas, axes, top: float) -> None:
+def _finish(canvas, axes, top: float, between: float = 0.06) -> None:
     """One legend, by column one controller; room for it; the limit of the paper named."""
     handles, labels = axes[0][0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="upper left", ncols=3, columnspacing=1.8)
@@ -113,7 +112,9 @@ def _finish(canvas, axes, top: float) -> None:
         "0.5 rad/s (paper)", (PAPER_LIMIT, 0.93), xycoords=("data", "axes fraction"),
         xytext=(4, 0), textcoords="offset points", fontsize=8.5,
     )  # fmt: skip
-    canvas.subplots_adjust(top=top, left=0.09, right=0.985, bottom=0.08, hspace=0.12, wspace=0.06)
+    canvas.subplots_adjust(
+        top=top, left=0.09, right=0.985, bottom=0.08, hspace=0.12, wspace=between
+    )
 
 
 @look.figure(6.2)
@@ -154,7 +155,7 @@ def film(subject: Subject, rivals: tuple[tuple[str, str], ...]) -> bytes:
     pictures = [Image.fromarray(np.hstack(pair)) for pair in zip(*columns, strict=True)]
     for picture in pictures:
         for number, (controller, model) in enumerate(rivals):
-            words = _named(controller, model)
+            words = named(controller, model)
             place = (60 + number * picture.width // len(rivals), 24)
             ImageDraw.Draw(picture).text(place, words, look.INK, font_size=20)
     height = round(WIDTH * pictures[0].height * len(rivals) / pictures[0].width)

@@ -11,9 +11,9 @@ from evaluate_tables import (
     first_reference,
     gap_rows,
     in_order,
+    named,
 )
 
-from controllers import find
 from controllers.evaluation.claims import KINEMATIC, PAPER_LIMIT, Claim
 from controllers.evaluation.results import Results
 from controllers.evaluation.subjects import INFORMED, MODELS, NOMINAL, Subject
@@ -169,29 +169,28 @@ def tables(results: Results, plant: str) -> Section:
     for reference in run.to_list():
         for metric, unit in (("position", "mm"), ("velocity", "mm/s")):
             head, rows = errors_by_frequency(results, plant, metric, 1e3, reference)
-            note = f"{reference}: rms {metric} error, {unit}."
-            blocks.append(Grid(head, rows, note, words=(0, 1)))
+            note = f"{reference}: rms {metric} error, {unit}, over the frequency of the motion."
+            blocks.append(Grid(head, rows, note))
     rows = []
     for controller in in_order(results):
         for model in MODELS:
             one = {"plant": plant, "controller": controller, "model": model}
             if not len(results.robots("effort", **one)):
                 continue
-            label = model if find(controller).uses_model else ""
             mean = {
                 name: float(results.robots(name, **one).mean())
                 for name in ("effort", "saturation", "solve_median", "solve_p99", "fallbacks",
                              "lost")
             }  # fmt: skip
             rows.append(
-                (controller, label, f"{mean['effort']:.2f}", f"{100 * mean['saturation']:.2f}",
-                 f"{1e3 * mean['solve_median']:.3f}", f"{1e3 * mean['solve_p99']:.3f}",
-                 f"{mean['fallbacks']:.2g}", f"{100 * mean['lost']:.2g}")
+                (named(controller, model), f"{mean['effort']:.2f}",
+                 f"{100 * mean['saturation']:.2f}", f"{1e3 * mean['solve_median']:.3f}",
+                 f"{1e3 * mean['solve_p99']:.3f}", f"{mean['fallbacks']:.2g}", f"{100 * mean['lost']:.2g}")
             )  # fmt: skip
-    head = ("controller", "model", "torque N m", "saturated %", "median ms", "p99 ms",
+    head = ("controller, model", "torque N m", "saturated %", "median ms", "p99 ms",
             "fallbacks a run", "lost %")  # fmt: skip
     note = "Rms torque of a wheel; wheels at the limit; time of one decision on its core."
-    blocks.append(Grid(head, rows, note, words=(0, 1)))
+    blocks.append(Grid(head, rows, note))
     return Section(f"All errors on {WORDS[plant]}", blocks)
 
 

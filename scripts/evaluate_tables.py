@@ -44,7 +44,7 @@ def gap_rows(results: Results) -> list[dict]:
 def errors_by_frequency(
     results: Results, plant: str, metric: str, scale: float, reference: str
 ) -> tuple[tuple[str, ...], list[tuple]]:
-    """Head and rows of a table of one error: controllers and models down, frequencies across."""
+    """Head and rows of a table of one error: controllers and models down, rad/s across."""
     which = {"plant": plant, "reference": reference}
     frequencies = [
         w for w in results.of("frequency") if len(results.robots(metric, frequency=w, **which))
@@ -55,9 +55,15 @@ def errors_by_frequency(
             one = which | {"controller": controller, "model": model}
             cells = [results.robots(metric, frequency=w, **one) for w in frequencies]
             if any(len(cell) for cell in cells):
-                label = model if find(controller).uses_model else ""
-                rows.append((controller, label, *(f"{scale * cell.mean():.2f}" for cell in cells)))
-    return ("controller", "model", *(f"{w:g} rad/s" for w in frequencies)), rows
+                means = (f"{scale * cell.mean():.2f}" for cell in cells)
+                rows.append((named(controller, model), *means))
+    return ("rad/s", *(f"{w:g}" for w in frequencies)), rows
+
+
+def named(controller: str, model: str) -> str:
+    """Controller and what it believes, in words; the model only where it matters."""
+    words = controller.replace("_", " ")
+    return f"{words}, {model}" if find(controller).uses_model else words
 
 
 def in_order(results: Results) -> list[str]:

@@ -77,7 +77,7 @@ def growth(results: Results, plant: str) -> list[Claim]:
         if worst:
             text = f"{KINEMATIC}: {WORDS[metric]} grows above {PAPER_LIMIT:g} rad/s"
             met = worst[0].value > 1 and not worst[0].low <= 1
-            found.append(Claim(plant, text, worst[0], "above 1", met, "times", worst[1]))
+            found.append(Claim(plant, text, worst[0], "> 1", met, "times", worst[1]))
     return found
 
 
@@ -102,7 +102,7 @@ def times_below(results: Results, plant: str) -> list[Claim]:
                 where = min(ratios, key=lambda name: ratios[name].value)
                 text = f"{controller}, {model}: {WORDS[metric]} below kinematic"
                 met = ratios[where].value >= target
-                words = f"at least {target:g}"
+                words = f">= {target:g}"
                 found.append(Claim(plant, text, ratios[where], words, met, "times", where))
     return found
 
@@ -123,7 +123,7 @@ def gaps(results: Results, plant: str) -> list[Claim]:
             if math.isnan(figure.value):
                 continue
             text = f"{controller}, {model}: share of the gap nominal to oracle"
-            found.append(Claim(plant, text, figure, f"at least {GAP:g}", figure.value >= GAP))
+            found.append(Claim(plant, text, figure, f">= {GAP:g}", figure.value >= GAP))
     return found
 
 
@@ -138,13 +138,13 @@ def slow_and_small(results: Results) -> list[Claim]:
             if not len(position):
                 continue
             text = f"{controller}, {INFORMED}, {reference} at 0.3 m/s"
-            limit = f"below {1e3 * SLOW_POSITION:g} on every robot"
+            limit = f"< {1e3 * SLOW_POSITION:g} on each robot"
             met = bool(position.max() < SLOW_POSITION)
             found.append(Claim("rollers", f"{text}: position", mean(1e3 * position), limit, met,
                                "mm"))  # fmt: skip
             degrees, met = [math.degrees(v) for v in heading], bool(heading.max() < SLOW_HEADING)
             found.append(Claim("rollers", f"{text}: heading", mean(degrees),
-                               "below 1 on every robot", met, "deg"))  # fmt: skip
+                               "< 1 on each robot", met, "deg"))  # fmt: skip
     return found
 
 
@@ -159,12 +159,12 @@ def solver_claims(endurance: dict, exact: list[dict]) -> list[Claim]:
     times = endurance["solve_cpu"]
     apart = max(run["apart"] for run in exact)
     return [
-        claim(f"{problem}: median solve", 1e3 * times["median"], "at most 1",
+        claim(f"{problem}: median solve", 1e3 * times["median"], "<= 1",
               times["median"] <= MEDIAN, "ms"),
-        claim(f"{problem}: p99 solve", 1e3 * times["p99"], "at most 3", times["p99"] <= P99, "ms"),
+        claim(f"{problem}: p99 solve", 1e3 * times["p99"], "<= 3", times["p99"] <= P99, "ms"),
         claim(f"mpc: unreported failures in {steps} steps", endurance["unreported_failures"],
               "none", endurance["unreported_failures"] == 0, ""),
-        claim("mpc: closed-loop error apart from IPOPT's", 100 * apart, "at most 5",
+        claim("mpc: closed-loop error apart from IPOPT's", 100 * apart, "<= 5",
               apart <= APART, "%"),
     ]  # fmt: skip
 
