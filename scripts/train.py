@@ -99,7 +99,7 @@ def train(
     done = run.algorithm.num_timesteps - first
     controller = make(algorithm, centre, policy=run.policy())
     with console.progress("exam", 3, "motions") as show:
-        marks = examine(controller, centre, seeds, noise, show)
+        marks = examine(controller, centre, seeds, noise, show=show)
     passed = all(mark.passed for mark in marks)
 
     history = console.provenance(seed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.report.look import IDENTIFIED, INK, MEASURED, NOMINAL, figure
+from ident.report.look import IDENTIFIED, INK, figure
 from ident.report.page import Grid, Page, Picture, Section
 
 COLOURS = (IDENTIFIED, "#2f8f6b", "#8e5bb0", "#c9415c", "#7a5a3a")
@@ -78,21 +78,20 @@ def _row(item: tuple) -> tuple[str, str]:
 
 @figure(4.2)
 def learning_curves(canvas, runs: list[tuple[str, dict]], rival: float) -> None:
+    """Draw the curves of runs, (label, record), on a figure of their own; see ``curves``."""
+    curves(canvas.subplots(), runs, rival)
+    canvas.tight_layout()
+
+
+def curves(axis, runs: list[tuple[str, dict]], rival: float) -> None:
     """Draw settled error, mm, against minutes of training; ``rival`` is the kinematic error, mm."""
-    axis = canvas.subplots()
     for (label, record), colour in zip(runs, COLOURS, strict=False):
-        curve = record["learning_curve"]
-        minutes = [look["seconds"] / 60 for look in curve]
-        error = [1e3 * look["position"] for look in curve]
-        axis.semilogy(minutes, error, color=colour, marker="o", markersize=3)
-        axis.annotate(f" {label}", (minutes[-1], error[-1]), color=colour, va="center")
-    axis.axhline(rival, color=NOMINAL, linestyle="--")
-    axis.annotate("kinematic", (1, rival), xycoords=("axes fraction", "data"), color=NOMINAL,
-                  ha="right", va="bottom")  # fmt: skip
+        looks = record.get("learning_curve", [])
+        minutes = [look["seconds"] / 60 for look in looks]
+        error = [1e3 * look["position"] for look in looks]
+        axis.semilogy(minutes, error, color=colour, marker="o", markersize=3, label=label)
+    axis.axhline(rival, color=INK, linestyle="--", label="kinematic")
     axis.set_xlabel("training, minutes of wall time")
     axis.set_ylabel("position error, mm")
     axis.set_xlim(left=0)
-    axis.margins(x=0.12)
-    axis.grid(visible=True, which="major", color=MEASURED, alpha=0.25)
-    axis.tick_params(colors=INK)
-    canvas.tight_layout()
+    axis.legend()

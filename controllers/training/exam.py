@@ -49,7 +49,12 @@ class Mark:
 
 
 def examine(
-    controller: Controller, robot: Model, seeds: int = 100, noise: bool = True, show=None
+    controller: Controller,
+    robot: Model,
+    seeds: int = 100,
+    noise: bool = True,
+    seconds: float = 10.0,
+    show=None,
 ) -> list[Mark]:
     """Drive a policy and the kinematic controller along every motion at 1 rad/s.
 
@@ -58,11 +63,12 @@ def examine(
         robot: the true robot.
         seeds: number of runs of each motion.
         noise: whether the observations carry the noise of the sensors.
+        seconds: length of a run.
         show: called with the number of motions done.
     """
     marks, rival = [], make("kinematic", robot)
     for number, motion in enumerate(MOTIONS, start=1):
-        trial = Trial(motion, robots=seeds, noise=noise)
+        trial = Trial(motion, robots=seeds, noise=noise, seconds=seconds)
         ours, theirs = (drive(one, trial, robot) for one in (controller, rival))
         times = ratio(theirs.position, ours.position)
         wins = float(np.mean(ours.position < theirs.position))

@@ -32,8 +32,9 @@ gym.register_envs(youbot_env)
 
 KINDS = {"ppo": PPO, "residual": PPO, "sac": SAC}
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
-# Looks at the policy on the way, and checkpoints, a run.
-LOOKS = 20
+# The policy is looked at, and a checkpoint written, twenty times a run, but not more often than
+# is worth its time.
+LOOKS, LOOK_STEPS = 20, 10_000
 LAST_RATE = 0.02
 # Time between two messages on how far a run is, s.
 SHOW_EVERY = 0.2
@@ -69,7 +70,7 @@ class Run:
         seed: of everything random.
         checkpoints: folder for checkpoints, or None.
         tensorboard: folder for TensorBoard, or None.
-        looks: how often the policy is looked at on the way.
+        looks: how often the policy is looked at on the way; 20 times, in short runs less, if 0.
 
     Attributes:
         algorithm: the learner of Stable-Baselines3.
@@ -83,12 +84,13 @@ class Run:
     seed: int = 0
     checkpoints: Path | None = None
     tensorboard: Path | None = None
-    looks: int = LOOKS
+    looks: int = 0
     curve: list[Look] = field(default_factory=list, init=False)
     seconds: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         torch.set_num_threads(1)
+        self.looks = self.looks or max(1, min(LOOKS, self.recipe.steps // LOOK_STEPS))
         self.residual = None
         if self.recipe.algorithm == "residual":
             self.residual = make("residual", self.model, policy="zero")
