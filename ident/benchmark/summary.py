@@ -92,7 +92,7 @@ def _one_method(records: list[dict[str, Any]]) -> dict[str, Any]:
         "laws": _grouped(scored, "laws", _rates),
         "pairs": _pairs(part("pairs")),
         "rollers": _rollers(part("rollers")),
-        "coverage": _coverage(s for r, s in scored if r["part"] in ("single", "rollers")),
+        "coverage": _coverage(s for _, s in single),
         "verify": _verified([s for r, s in scored if r["part"] in ("single", "pairs", "laws")]),
         "seconds": _seconds([r["seconds"] for r, _ in scored]),
     }
