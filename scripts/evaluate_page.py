@@ -90,10 +90,10 @@ def headline(checked: list[Claim]) -> list[tuple[str, str]]:
     """The few figures that carry the page."""
     found = []
     for claim in checked:
-        if "computed_torque, identified + effects: position error below" in claim.text:
+        if "computed_torque, identified + effects: position below" in claim.text:
             words = f"times below the kinematic error, at worst, {claim.plant}"
             found.append((f"{claim.figure.value:.1f}", words))
-        if "computed_torque, identified + effects: share" in claim.text:
+        if "computed_torque, identified + effects: gap" in claim.text:
             words = f"of the gap nominal to oracle closed, {claim.plant}"
             found.append((f"{100 * claim.figure.value:.0f} %", words))
     return found
@@ -110,7 +110,7 @@ def targets(checked: list[Claim]) -> Section:
     grids = []
     for plant in plants:
         rows = [row[1:] for row in claim_rows([c for c in checked if c.plant == plant])]
-        head = (f"{plant} plant", "figure", "95 % interval", "target", "", "worst at")
+        head = (f"{plant} plant", "figure", "95 % interval", "target", "", "worst, rad/s")
         grids.append(Grid(head, rows, note if plant == plants[-1] else "", words=(0, 3, 4, 5)))
     return Section("Targets", grids)
 
@@ -185,7 +185,8 @@ def tables(results: Results, plant: str) -> Section:
             rows.append(
                 (named(controller, model), f"{mean['effort']:.2f}",
                  f"{100 * mean['saturation']:.2f}", f"{1e3 * mean['solve_median']:.3f}",
-                 f"{1e3 * mean['solve_p99']:.3f}", f"{mean['fallbacks']:.2g}", f"{100 * mean['lost']:.2g}")
+                 f"{1e3 * mean['solve_p99']:.3f}", f"{mean['fallbacks']:.2g}",
+                 f"{100 * mean['lost']:.2g}")
             )  # fmt: skip
     head = ("controller, model", "torque N m", "saturated %", "median ms", "p99 ms",
             "fallbacks a run", "lost %")  # fmt: skip

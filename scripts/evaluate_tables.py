@@ -26,8 +26,17 @@ def error_rows(results: Results) -> list[dict]:
         row: dict[str, Any] = dict(values)
         row |= {metric: results.mean(metric, **values).as_dict() for metric in ERRORS}
         row |= {name: float(results.robots(name, **values).mean()) for name in PLAIN}
-        rows.append(row)
+        rows.append(rounded(row))
     return rows
+
+
+def rounded(value: Any) -> Any:
+    """Numbers to four digits, which is more than their intervals leave."""
+    if isinstance(value, dict):
+        return {key: rounded(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [rounded(item) for item in value]
+    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 def gap_rows(results: Results) -> list[dict]:
@@ -37,7 +46,7 @@ def gap_rows(results: Results) -> list[dict]:
         for model in MODELS[1:-1]:
             figure = results.gap_closed("position", model=model, **values)
             if figure.robots:
-                rows.append({**values, "model": model} | figure.as_dict())
+                rows.append(rounded({**values, "model": model} | figure.as_dict()))
     return rows
 
 
@@ -109,7 +118,7 @@ def tell(
     console.out.print(f"{met} of {len(checked)} targets are met\n")
     for plant, text, figure, around, target, verdict, where in claim_rows(checked):
         known = "" if around == "-" else f" ({around})"
-        worst = f"; worst at {where}" if where else ""
+        worst = f"; worst at {where} rad/s" if where else ""
         line = f"{verdict:7} {figure}{known}, {target}: {plant}, {text}{worst}"
         console.out.print(line, soft_wrap=True)
     for plant in results.of("plant"):

@@ -18,7 +18,6 @@ TIMES_BELOW = {"analytic": 5.0, "rollers": 2.0}
 GAP = 0.8
 SLOW_POSITION, SLOW_HEADING = 0.010, math.radians(1.0)
 MEDIAN, P99, APART = 1e-3, 3e-3, 0.05
-WORDS = {"position": "position error", "velocity": "velocity error", "heading": "heading error"}
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Claim:
         target: what it should be, in words.
         met: whether the figure reaches it.
         unit: of the figure; empty for a ratio.
-        where: the motion at which the figure is worst; empty where it is over all.
+        where: the motion (reference, rad/s) at which the figure is worst; empty for all of them.
     """
 
     plant: str
@@ -73,9 +72,9 @@ def growth(results: Results, plant: str) -> list[Claim]:
             slow, fast = {"frequency": PAPER_LIMIT}, {"frequency": frequencies[-1]}
             figure = results.ratio(metric, fast, slow, **there)
             if worst is None or figure.value < worst[0].value:
-                worst = figure, f"{reference}, {frequencies[-1]:g} against {PAPER_LIMIT:g} rad/s"
+                worst = figure, f"{reference}, {frequencies[-1]:g}"
         if worst:
-            text = f"{KINEMATIC}: {WORDS[metric]} grows above {PAPER_LIMIT:g} rad/s"
+            text = f"{KINEMATIC}: {metric} error grows above {PAPER_LIMIT:g} rad/s"
             met = worst[0].value > 1 and not worst[0].low <= 1
             found.append(Claim(plant, text, worst[0], "> 1", met, "times", worst[1]))
     return found
@@ -93,14 +92,14 @@ def times_below(results: Results, plant: str) -> list[Claim]:
                     there = {"plant": plant, "reference": reference}
                     for w in _frequencies(results, which | there):
                         one = {"controller": controller, "model": model}
-                        ratios[f"{reference}, {w:g} rad/s"] = results.ratio(
+                        ratios[f"{reference}, {w:g}"] = results.ratio(
                             metric, {"controller": KINEMATIC}, one, frequency=w, **there
                         )
                 ratios = {k: v for k, v in ratios.items() if not math.isnan(v.value)}
                 if not ratios:
                     continue
                 where = min(ratios, key=lambda name: ratios[name].value)
-                text = f"{controller}, {model}: {WORDS[metric]} below kinematic"
+                text = f"{controller}, {model}: {metric} below kinematic"
                 met = ratios[where].value >= target
                 words = f">= {target:g}"
                 found.append(Claim(plant, text, ratios[where], words, met, "times", where))
@@ -122,7 +121,7 @@ def gaps(results: Results, plant: str) -> list[Claim]:
             )
             if math.isnan(figure.value):
                 continue
-            text = f"{controller}, {model}: share of the gap nominal to oracle"
+            text = f"{controller}, {model}: gap to the oracle closed"
             found.append(Claim(plant, text, figure, f">= {GAP:g}", figure.value >= GAP))
     return found
 
