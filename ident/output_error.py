@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import null_space
 
 from ident.log import Log
-from ident.regression import allowed_directions
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
@@ -58,31 +58,36 @@ def refine(
     free: tuple[str, ...] | None = None,
     window: float | None = None,
     iterations: int = 30,
+    keep: list[np.ndarray] | None = None,
+    weights: list[np.ndarray] | None = None,
 ) -> OutputError:
     """Refine a model by output error.
 
     Args:
         logs: measured records.
         model: start values.
-        free: names (of ``model.names()``) to estimate; all when None.
+        free: names (of ``model.names()``) to estimate; when None all in which laws are smooth.
         window: length of the windows, s; chosen from each log's duration when None.
         iterations: most Gauss-Newton steps.
+        keep: (W,) for each log, the windows that are fitted; all when None.
+        weights: (m,) for each log, of its outputs; ``output_weights`` when None.
 
     Returns:
         The refined model with its covariance.  Contrast parameters keep their mean.
     """
-    names = model.names()
-    chosen = np.array([free is None or name in free for name in names])
+    directions = free_directions(model, free)
     low, high = _bounds(model)
-    now = _Fit.at(logs, model.with_values(np.clip(model.values(), low, high)), window)
+    now = _Fit.at(
+        logs, model.with_values(np.clip(model.values(), low, high)), window, keep, weights
+    )
     first, converged = now.cost, False
     for _ in range(iterations):
         values = np.array(now.model.values())
-        step, _ = now.solve(values, chosen, low, high)
+        step = now.step(values, directions, low, high)
         better = None
         for share in (1.0, 0.5, 0.2, 0.05):
             other = model.with_values(np.clip(values + share * step, low, high))
-            trial = _Fit.at(logs, other, window)
+            trial = _Fit.at(logs, other, window, keep, weights)
             if trial.cost < now.cost:
                 better = trial
                 break
@@ -90,8 +95,7 @@ def refine(
             now, converged = better or now, True
             break
         now = better
-    basis = now.basis(chosen)
-    covariance = now.covariance(basis)
+    covariance = now.covariance(directions)
     refined = replace(now.model, covariance=covariance.tolist())
     clusters = int(now.groups[-1]) + 1
     return OutputError(refined, covariance, clusters, (first, now.cost), converged, now.simulations)
@@ -105,54 +109,53 @@ class _Fit:
     simulations: tuple[Linearised, ...]
     error: np.ndarray
     groups: np.ndarray
+    keep: tuple[np.ndarray, ...]
     weights: tuple[np.ndarray, ...]
 
     @classmethod
-    def at(cls, logs: list[Log], model: Model, window: float | None) -> _Fit:
+    def at(
+        cls, logs: list[Log], model: Model, window: float | None, keep=None, weights=None
+    ) -> _Fit:
+        weights = tuple(weights or map(output_weights, logs))
         simulations = tuple(Linearised.of(log, model, window) for log in logs)
-        weights = tuple(output_weights(log) for log in logs)
+        keep = tuple(keep or [np.ones(sim.shape[0], bool) for sim in simulations])
         parts, groups, count = [], [], 0
-        for sim, weight in zip(simulations, weights, strict=True):
-            error = settled(sim, sim.residual * weight)
-            error = np.clip(np.nan_to_num(error, nan=LIMIT), -LIMIT, LIMIT)
+        for sim, kept, weight in zip(simulations, keep, weights, strict=True):
+            error = scaled_error(sim, weight)[kept]
             parts.append(error.ravel())
             groups.append(count + np.repeat(np.arange(len(error)), error[0].size))
             count += len(error)
-        return cls(model, simulations, np.concatenate(parts), np.concatenate(groups), weights)
+        return cls(model, simulations, np.concatenate(parts), np.concatenate(groups), keep,
+                   weights)  # fmt: skip
 
     @property
     def cost(self) -> float:
         return 0.5 * float(self.error @ self.error)
 
-    def columns(self) -> np.ndarray:
+    def columns(self, chosen: np.ndarray) -> np.ndarray:
         parts = []
-        for sim, weight in zip(self.simulations, self.weights, strict=True):
-            columns = settled(sim, sim.value_columns() * weight[:, None])
+        for sim, kept, weight in zip(self.simulations, self.keep, self.weights, strict=True):
+            columns = settled(sim, sim.value_columns(chosen) * weight[:, None])[kept]
             parts.append(np.nan_to_num(columns.reshape(-1, columns.shape[-1])))
         return np.concatenate(parts)
 
-    def basis(self, chosen: np.ndarray) -> np.ndarray:
-        """(P, K) directions in which the values may move."""
-        allowed = allowed_directions(self.model.names(), self.model)
-        basis = np.eye(len(chosen)) if allowed is None else allowed
-        basis = basis * chosen[:, None]
-        return basis[:, np.linalg.norm(basis, axis=0) > 0]
-
-    def solve(self, values, chosen, low, high) -> tuple[np.ndarray, np.ndarray]:
-        """Gauss-Newton step; values at a bound do not push against it."""
-        columns, held = self.columns(), np.zeros(len(chosen), bool)
+    def step(self, values, directions, low, high) -> np.ndarray:
+        """Gauss-Newton step (P,); values at a bound do not push against it."""
+        moving = np.any(directions != 0, axis=1)
+        columns, held = self.columns(moving), np.zeros(len(values), bool)
         for _ in range(3):
-            basis = self.basis(chosen & ~held)
-            step = basis @ _least_squares(columns @ basis, self.error)
+            basis = directions[:, ~np.any(directions[held] != 0, axis=0)]
+            step = basis @ _least_squares(columns @ basis[moving], self.error)
             out = ((values <= low) & (step < 0)) | ((values >= high) & (step > 0))
             if not np.any(out & ~held):
                 break
             held |= out
-        return step, columns
+        return step
 
     def covariance(self, basis: np.ndarray) -> np.ndarray:
         """Sandwich of the scatter between windows."""
-        columns = self.columns() @ basis
+        moving = np.any(basis != 0, axis=1)
+        columns = self.columns(moving) @ basis[moving]
         scale = np.linalg.norm(columns, axis=0)
         scale = np.where(scale > 0, scale, 1.0)
         scaled, count = columns / scale, int(self.groups[-1]) + 1
@@ -162,6 +165,45 @@ class _Fit:
         meat = scores.T @ scores * count / max(count - 1, 1)
         turn = basis / scale
         return turn @ (bread @ meat @ bread) @ turn.T
+
+
+def free_directions(model: Model, free: tuple[str, ...] | None = None) -> np.ndarray:
+    """(P, K) directions in which values may move: contrasts keep their mean.
+
+    Args:
+        model: gives names and effects.
+        free: names that may move; when None all but those in which a law has no derivative.
+    """
+    names = model.names()
+    if free is None:
+        fixed = [
+            f"{a.identifier}.{name}"
+            for a in model.effects
+            for name in a.values
+            if not a.effect.parameter_of(name).smooth
+        ]
+        free = tuple(name for name in names if name not in fixed)
+    unit = np.eye(len(names))
+    directions = [unit[:, [k]] for k, name in enumerate(names) if name in free]
+    for active in model.effects:
+        for parameter in active.effect.parameters:
+            members = [
+                k
+                for k, name in enumerate(names)
+                if name in free
+                and name.startswith(f"{active.identifier}.{parameter.name}_")
+                and parameter.contrast
+            ]
+            if len(members) > 1:
+                kept = [d for d in directions if not np.any(d[members])]
+                directions = [*kept, unit[:, members] @ null_space(np.ones((1, len(members))))]
+    return np.concatenate(directions, axis=1) if directions else np.zeros((len(names), 0))
+
+
+def scaled_error(sim: Linearised, weights: np.ndarray) -> np.ndarray:
+    """(W, l, m) settled free-run errors, weighted."""
+    error = settled(sim, sim.residual * weights)
+    return np.clip(np.nan_to_num(error, nan=LIMIT), -LIMIT, LIMIT)
 
 
 def settled(sim: Linearised, values: np.ndarray) -> np.ndarray:

@@ -13,9 +13,10 @@ from the measured velocities, so feedback in the drive does not bias what is fit
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,9 @@ from youbot_env.plant import Robot, Structure
 LONGEST, SHORTEST, WANTED = 4.0, 2.0, 28
 # Step of numerical derivatives: relative, and the size from which it is relative.
 STEP, SMALL = 1e-3, 1e-2
+
+
+DRIVE = ("drive", "delay")
 
 
 def window_length(log: Log) -> float:
@@ -81,12 +85,14 @@ class Linearised:
         measured = log.wheel_velocity if log.body_velocity is None else log.body_velocity
         return measured[self.windows.index] - self._shaped(self._present[1])
 
-    def value_columns(self) -> np.ndarray:
-        """(W, L, m, P) derivatives of the outputs by the model's own values."""
+    def value_columns(self, chosen: np.ndarray | None = None) -> np.ndarray:
+        """(W, L, m, k) derivatives of the outputs by the values of the model, or chosen ones."""
         values = np.array(self.model.values(), float)
+        chosen = np.ones(len(values), bool) if chosen is None else chosen
         steps = STEP * np.maximum(np.abs(values), SMALL)
-        changes = [self._change(self.model, v, self._present) for v in values + np.diag(steps)]
-        return self._outputs(changes) / steps
+        moved = (values + np.diag(steps))[chosen]
+        changes = [self._change(self.model, row, self._present) for row in moved]
+        return self._outputs(changes) / steps[chosen]
 
     def model_columns(self, pairs: Iterable[tuple[Model, Model]]) -> np.ndarray:
         """(W, L, m, K) changes of the outputs from the first to the second model of each pair."""
@@ -115,6 +121,12 @@ class Linearised:
     def time(self) -> np.ndarray:
         """(W, L) time of the outputs from the start of the log, s."""
         return self.log.time[self.windows.index] - self.log.time[0]
+
+    @cached_property
+    def wheel_angle(self) -> np.ndarray:
+        """(n, W L) measured wheel angles half way through each sample interval, rad."""
+        rows, angles = self._rows, self._angles
+        return 0.5 * (angles[rows] + angles[rows + 1]).T
 
     @cached_property
     def _rows(self) -> np.ndarray:
@@ -149,29 +161,61 @@ class Linearised:
         self, model: Model, values=None, middle: np.ndarray | None = None, end=None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Acceleration (3, W L) half way and outputs (m, W L) at the end of each interval."""
-        middle, end = self._middle if middle is None else middle, self._end if end is None else end
+        along = middle is None
+        middle, end = (self._middle, self._end) if along else (middle, end)
         values = model.values() if values is None else values.tolist()
         structure = Structure.of(model)
         robot, rest = structure.bind(values), structure.rest().internal
-        torque = tuple(delivered_torques(self.log, model, values)[self._rows].T)
-        s = self._signals(robot, middle, 0.5)
+        torque = self._kept(
+            ("torque", _part(model, values, DRIVE)),
+            lambda: tuple(delivered_torques(self.log, model, values)[self._rows].T),
+        )
+        rolling = _part(model, values, ("kinematics",))
+        s = self._signals(robot, middle, 0.5, ("middle", rolling) if along else None)
         wrench = robot.wrench(torque, s, rest, NUMPY)
         acceleration = self._stack(robot.acceleration(wrench, s))
-        s = self._signals(robot, end, 1.0)
-        if robot.acting("slip"):
-            robot.wrench(torque, s, rest, NUMPY)
-        return acceleration, self._stack(seen_by_sensors(robot, s, self.log))
 
-    def _signals(self, robot: Robot, states: np.ndarray, share: float) -> Signals:
+        def outputs() -> np.ndarray:
+            s = self._signals(robot, end, 1.0, ("end", rolling) if along else None)
+            if robot.acting("slip"):
+                robot.wrench(torque, s, rest, NUMPY)
+            return self._stack(seen_by_sensors(robot, s, self.log))
+
+        if along and not robot.acting("slip"):
+            return acceleration, self._kept(("outputs", rolling), outputs)
+        return acceleration, outputs()
+
+    def _kept(self, key: tuple, make: Callable[[], Any]) -> Any:
+        """What was made for a key before, or now; models in a row share most of it."""
+        if key not in self._recent:
+            while len(self._recent) >= 16:
+                self._recent.pop(next(iter(self._recent)))
+            self._recent[key] = make()
+        return self._recent[key]
+
+    @cached_property
+    def _recent(self) -> dict:
+        return {}
+
+    def _signals(
+        self, robot: Robot, states: np.ndarray, share: float, key: tuple | None = None
+    ) -> Signals:
         rows, log = self._rows, self.log
         angle = ()
         if robot.reads_wheel_angle:
             angle = (1 - share) * self._angles[rows] + share * self._angles[rows + 1]
             angle = tuple(angle.T)
         t = (1 - share) * log.time[rows] + share * log.time[rows + 1] - log.time[0]
-        command = tuple(log.command[rows].T)
-        return robot.signals(t, tuple(states[:, 3:6].T), tuple(states[:, :3].T), angle, command,
-                             NUMPY)  # fmt: skip
+        v, pose = tuple(states[:, 3:6].T), tuple(states[:, :3].T)
+        known = self._recent.get(key) if key and robot.acting("kinematics") else None
+        s = robot.signals(t, v, pose, angle, self._commands, NUMPY, known)
+        if key and known is None and robot.acting("kinematics"):
+            self._kept(key, lambda: s.geometry)
+        return s
+
+    @cached_property
+    def _commands(self) -> tuple:
+        return tuple(np.ascontiguousarray(self.log.command[self._rows].T))
 
     @cached_property
     def _slopes(self) -> tuple[np.ndarray, np.ndarray]:
@@ -221,3 +265,14 @@ class Linearised:
 
     def _stack(self, components) -> np.ndarray:
         return np.array([np.broadcast_to(c, len(self._rows)) for c in components], float)
+
+
+def _part(model: Model, values, hooks: tuple[str, ...]) -> tuple:
+    """Effects of a model that override one of some hooks, with their values: what a cache needs."""
+    at, found = 7, []
+    for active in model.effects:
+        size = len(active.values)
+        if any(active.effect.acts(hook) for hook in hooks):
+            found.append((active.identifier, tuple(active.values), tuple(values[at : at + size])))
+        at += size
+    return tuple(found)

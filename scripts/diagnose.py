@@ -8,55 +8,76 @@ from typing import Annotated
 import console
 import typer
 
-from ident.diagnosis.verdict import diagnose, sizes
+from ident.diagnosis.verdict import Diagnosis, diagnose
 from ident.log import Log
-from youbot_env.effects import effect_names
 from youbot_env.model_file import load_model
 
 LOGS = console.ROOT / "logs"
+SHOWN = 8
 
 
 def main(
-    log: Annotated[
-        Path | None, typer.Argument(metavar="[LOG]", help="Log to fit; the bundled one if left.")
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[LOG]...", help="Logs to fit; the bundled one if left."),
     ] = None,
     test: Annotated[
         Path | None,
-        typer.Option(metavar="LOG", help="Second log of the same robot, which decides."),
+        typer.Option(metavar="LOG", help="Log of the same robot in another motion; it decides."),
     ] = None,
     model: Annotated[
         str, typer.Option(help="Model to start from: model file, nominal or paper.")
     ] = "nominal",
+    seed: console.Seed = 0,
     json_file: console.Json = None,
 ) -> None:
-    """Name the physical effect that a model is missing, or say that none is or one cannot say.
-
-    Nothing in it is random.  First version: its rate of false alarms is not yet benchmarked.
-    """
+    """Name the physical effect that a model is missing, or say that none is or one cannot say."""
     console.check_writable(json_file)
-    if log is None:
-        log, test = LOGS / "youbot_fit.csv", test or LOGS / "youbot_test.csv"
-    if test is None:
-        raise ValueError("give a second log of the same robot with --test; it decides")
+    if not logs:
+        logs, test = [LOGS / "youbot_fit.csv"], test or LOGS / "youbot_test.csv"
     start = load_model(model)
-    for path in (log, test):
+    paths = [*logs, *([test] if test else [])]
+    for path in paths:
         if not path.exists():
             raise ValueError(f"no log {console.shown(path)!r}; check the name")
-    records = [Log.load(path, start.platform) for path in (log, test)]
-    if records[0].digest == records[1].digest:
-        raise ValueError(f"{log} and {test} are the same record; the second must be another one")
-    with console.progress("trying effects", len(effect_names()), "effects") as show:
-        found = diagnose(*records, start, show)
+    records = [Log.load(path, start.platform) for path in paths]
+    digests = [record.digest for record in records]
+    for number, digest in enumerate(digests):
+        if digest in digests[:number]:
+            raise ValueError(
+                f"{paths[number]} is the same record as {paths[digests.index(digest)]}; "
+                "leave it out"
+            )
+    held = records.pop() if test else None
+    with console.err.status("reading") as status:
+        found = diagnose(records, start, held, seed, lambda what: status.update(what))
+    show(found)
+    used = {path.name: digest for path, digest in zip(paths, digests, strict=True)}
+    result = found.as_dict() | {"provenance": console.provenance(seed, used)}
+    console.write_json(json_file, result)
+
+
+def show(found: Diagnosis) -> None:
+    """Print the verdict, sizes and what else was tried."""
     console.out.print(f"{found.verdict.replace('_', ' ')}: {found.reason}\n")
     rows = []
-    for step in found.steps:
-        for name, quantity in sizes(step.best).items():
-            span = "" if quantity.ci95 is None else "{:.3g} ... {:.3g}".format(*quantity.ci95)
-            rows.append((step.best.identifier, name, quantity.value, span, quantity.unit))
+    for step in found.named:
+        for name, q in step.sizes(found.model).items():
+            span = "" if q.ci95 is None else "{:.3g} ... {:.3g}".format(*q.ci95)
+            rows.append((step.best.identifier, name, q.value, span, q.unit))
     if rows:
         console.table("Sizes", ("effect", "parameter", "value", "95 % interval", "unit"), rows)
-    logs = {record.source: record.digest for record in records}
-    console.write_json(json_file, found.as_dict() | {"provenance": console.provenance(None, logs)})
+    tried = [
+        (r.effect, f"{r.p:.3f}", f"{100 * r.gain:.1f}", f"{r.parameter} = {r.size:.3g}", r.unit,
+         "-" if r.smallest is None else f"{r.smallest:.3g}", f"{100 * r.power:.0f}")
+        for r in found.reach[:SHOWN]
+    ]  # fmt: skip
+    if tried:
+        console.table(
+            "\nOn top of the base model",
+            ("effect", "p adjusted", "gain %", "size", "unit", "smallest seen", "power %"),
+            tried,
+        )
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from youbot_env.backend import Ops
 from youbot_env.dynamics import Inertia, Theta
 from youbot_env.effects.base import Effect, Signals
 from youbot_env.model import Model
-from youbot_env.platform import Platform
+from youbot_env.platform import Geometry, Platform
 
 
 class State(NamedTuple):
@@ -135,10 +135,16 @@ class Robot:
         """Total pure delay of the torque command, s."""
         return sum(effect.delay(p) for _, effect, p in self._hooks["delay"])
 
-    def signals(self, t, v, pose, wheel_angle, command, ops: Ops) -> Signals:
-        """Collect what the laws read, with Jacobians and theta as the effects change them."""
-        s = Signals(self.platform, self.geometry, self.theta, t, v, pose, wheel_angle, command)
-        for _, effect, p in self._hooks["kinematics"]:
+    def signals(
+        self, t, v, pose, wheel_angle, command, ops: Ops, geometry: Geometry | None = None
+    ) -> Signals:
+        """Collect what the laws read, with Jacobians and theta as the effects change them.
+
+        ``geometry`` gives the changed Jacobians where they are known already.
+        """
+        known = geometry or self.geometry
+        s = Signals(self.platform, known, self.theta, t, v, pose, wheel_angle, command)
+        for _, effect, p in [] if geometry else self._hooks["kinematics"]:
             s.geometry = effect.kinematics(p, s.geometry, s, ops)
         change = self.theta_change(s, ops)
         if change is not None:

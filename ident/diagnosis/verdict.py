@@ -1,68 +1,69 @@
-"""Which effect is missing: the verdict over all candidates, and when to stay silent.
-
-A candidate counts only if it lowers both errors on a record it was not fitted to, that of the
-equations and that of the free run, by more than robots with nothing hidden but real rollers feign.
-Rivals that the record cannot tell from the best are named with it.
-"""
+"""Which effect is missing: rounds of adding what passes, the last word by untouched windows."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtr
 
-from ident.diagnosis.candidates import Candidate, Loss, fit_base, fit_candidates, measure_loss
+from ident.diagnosis.dependence import dependences
+from ident.diagnosis.fitness import unfit
+from ident.diagnosis.parts import FEWEST, FIT, SELECT, Part, divide, weigh
+from ident.diagnosis.power import Reach, reach
+from ident.diagnosis.rivals import Candidate, candidate, refit, window_losses
+from ident.diagnosis.rounds import LEAST_GAIN, Round
+from ident.diagnosis.untouched import FreeRunErrors, free_run_errors
 from ident.log import Log
+from ident.output_error import OutputError
 from ident.quantities import Quantity
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
+from youbot_env.model_file import load_model
 
-# Both errors must fall by this share.  Twelve robots with real rollers and nothing hidden reach at
-# most 5 % in the smaller of the two drops.
-LEAST_DROP = 0.06
 MOST_EFFECTS = 3
-# A rival with a chance above this to be as good as the best belongs to the group.
-CHANCE = 0.05
-# A simpler law may leave this much more error than a richer one with a parameter it does not need.
-NEARLY = 0.03
-# What a record must offer before anything is named.
-LEAST_SECONDS, LEAST_SPEED, MOST_CLIPPED = 20.0, 0.03, 0.2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Step:
     """One effect added on the way.
 
     Attributes:
-        best: the candidate that was added.
+        best: what was added.
         group: identifiers that fit as well, best first.
-        before: losses on the held-out record without it.
+        p: adjusted p value.
+        background: whether every robot has some of it.
+        rivals: the others of the group, refined.
     """
 
     best: Candidate
     group: tuple[str, ...]
-    before: Loss
+    p: float
+    background: bool
+    rivals: tuple[Candidate, ...] = ()
 
-    @property
-    def drop(self) -> float:
-        """Share by which the free-run error on the held-out record fell."""
-        return 1.0 - self.best.loss.free_run / self.before.free_run
+    def sizes(self, model: Model) -> dict[str, Quantity]:
+        """Sizes with 95 % intervals in a model that was refined with the effect."""
+        return sizes(model, self.best.identifier, self.best.refined.windows)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Diagnosis:
     """What is missing from a model.
 
     Attributes:
         log: name of the record.
-        verdict: ``named``, ``ambiguous``, ``nothing_missing`` or ``cannot_say``.
+        verdict: ``named``, ``ambiguous``, ``nothing_missing``, ``outside_library`` or
+            ``cannot_say``.
         reason: why, in a sentence.
-        steps: effects in the order added.
-        model: the base with these effects.
-        before, after: losses on the held-out record.
+        steps: effects in the order of their importance, background last.
+        model: base and effects, refined, with covariance.
+        base: the model without the effects, refined.
+        reach: what the log would have shown of every effect.
+        depends_on: signals that the remaining error depends on, strongest first.
+        errors: free-run errors of base, of every step and of the model on untouched windows.
+        first, last: the first and the last round; None where the log decides nothing.
     """
 
     log: str
@@ -70,11 +71,21 @@ class Diagnosis:
     reason: str
     steps: tuple[Step, ...]
     model: Model
-    before: Loss | None
-    after: Loss | None
+    base: Model
+    reach: tuple[Reach, ...] = ()
+    depends_on: tuple[tuple[str, float], ...] = ()
+    errors: FreeRunErrors | None = None
+    first: Round | None = None
+    last: Round | None = None
+
+    @property
+    def named(self) -> tuple[Step, ...]:
+        """Steps that count as an answer."""
+        return self.steps if self.verdict in ("named", "ambiguous") else ()
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what JSON shows."""
+        """Return what ``diagnose.py --json`` writes, less what needs the comparison."""
+        drops = self.errors.drops if self.errors else {}
         return {
             "log": self.log,
             "verdict": self.verdict,
@@ -83,164 +94,202 @@ class Diagnosis:
                 {
                     "effect": step.best.identifier,
                     "group": list(step.group),
-                    "size": {k: q.as_dict() for k, q in sizes(step.best).items()},
-                    "error_drop": step.drop,
+                    "size": {k: q.as_dict() for k, q in step.sizes(self.model).items()},
+                    "p_adjusted": step.p,
+                    "error_drop": drops.get(step.best.identifier),
                 }
-                for step in self.steps
+                for step in self.named
             ],
-            "free_run": {
-                "before": self.before.free_run if self.before else None,
-                "after": self.after.free_run if self.after else None,
-            },
-        }
+            "candidates": [one.as_dict() for one in self.reach],
+            "depends_on": [signal for signal, _ in self.depends_on],
+            "free_run": self.errors.as_dict() if self.errors else
+                        {"before": None, "after": None, "noise_floor": None},
+        }  # fmt: skip
 
 
 def diagnose(
-    log: Log,
-    held_out: Log,
-    model: Model,
-    progress: Callable[[int], None] | None = None,
+    logs: Log | Sequence[Log],
+    model: str | Model = "nominal",
+    test: Log | None = None,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Look for effects that are missing from a model.
 
     Args:
-        log: record that everything is fitted to.
-        held_out: record of the same robot that decides.
+        logs: records of one robot to fit.
         model: platform, known effects and start values.
-        progress: called with the number of effects tried in the present round.
+        test: another record of the same robot, best of another motion.  Its first part helps to
+            choose between rivals, its last part has the last word.  Without it windows of the
+            logs are kept for that.
+        seed: of the bootstrap.
+        progress: called with what is being done.
+
+    Raises:
+        ValueError: a log without drive input, or of another platform.
     """
-    weak = unfit(log) or unfit(held_out)
+    logs = [logs] if isinstance(logs, Log) else list(logs)
+    tell = progress or (lambda what: None)
+    model = load_model(model)
+    everything = logs if test is None else [*logs, test]
+    for log in everything:
+        if log.platform != model.platform:
+            model = replace(model, platform=log.platform)
+    name = " + ".join(log.name for log in logs)
+    weak = next(filter(None, (unfit(log) for log in everything if log is not test)), "")
     if weak:
-        return Diagnosis(log.name, "cannot_say", weak, (), model, None, None)
-    base = fit_base(log, model)
-    first = before = measure_loss(held_out, base)
+        return Diagnosis(name, "cannot_say", weak, (), model, model)
+    parts = divide(logs, test, model)
+    tell("fitting the base model")
+    refined, simulations = refit(parts, model, steps=30)
+    parts = weigh(parts, simulations)
+    refined, simulations = refit(parts, refined.model)
+    base = refined.model
+    generic = dependences(everything)
+    seeds = [int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(9)]
+    tell("trying every effect")
+    first = now = Round.of(parts, simulations, generic, seeds[0])
     steps: list[Step] = []
-    while len(steps) < MOST_EFFECTS:
-        found = fit_candidates(log, held_out, base, before, progress)
-        passing = [c for c in found if smaller_drop(c, before) > LEAST_DROP and plausible(c)]
-        if not passing:
+    number = now.background()
+    if number is not None:
+        found = candidate(parts, now.evidence, number)
+        if found is not None and now.helps(found):
+            tell(f"adding {found.identifier}")
+            steps.append(Step(found, (found.identifier,), float(now.p[number]), True))
+            now = Round.of(parts, found.simulations, generic, seeds[1], None, first.error)
+    origin = now.error
+    outside = False
+    for count in range(MOST_EFFECTS):
+        tell("comparing rivals")
+        group = now.choose()
+        outside = now.outside(group[0] if group else None) and not any(
+            not step.background for step in steps
+        )
+        if not group or outside:
             break
-        passing.sort(key=lambda candidate: candidate.loss.total)
-        group = rivals(leaner(passing))
-        best = simplest(group)
+        best = group[0]
         steps.append(
-            Step(best, tuple(c.identifier for c in sorted(group, key=_first(best))), before)
-        )
-        if len(group) > 1:
-            break
-        base, before = fit_base(log, best.model), best.loss
-    after = steps[-1].best.loss if steps else first
-    chosen = steps[-1].best.model if steps else base
-    verdict, reason = judge(steps, first, after)
-    return Diagnosis(log.name, verdict, reason, tuple(steps), chosen, first, after)
-
-
-def judge(steps: list[Step], first: Loss, after: Loss) -> tuple[str, str]:
-    """Return verdict and reason."""
-    if not steps:
-        return "nothing_missing", (
-            f"no effect of the library lowers both errors by {100 * LEAST_DROP:.0f} %"
-        )
-    fall = f"free-run error {100 * first.free_run:.3g} % to {100 * after.free_run:.3g} %"
-    if len(steps[-1].group) > 1:
-        return "ambiguous", f"{', '.join(steps[-1].group)} explain the record alike; {fall}"
-    return "named", f"{', '.join(step.best.identifier for step in steps)}; {fall}"
-
-
-def smaller_drop(candidate: Candidate, before: Loss) -> float:
-    """The smaller of the two shares by which the errors fell."""
-    equation = 1.0 - candidate.loss.equation / before.equation
-    return min(equation, 1.0 - candidate.loss.free_run / before.free_run)
-
-
-def plausible(candidate: Candidate) -> bool:
-    """Tell whether all sizes are physically possible and at least one is not zero by chance."""
-    effect, sure = get_effect(candidate.identifier), not candidate.errors
-    for name, size in candidate.sizes.items():
-        low, high = effect.parameter_of(name).bounds
-        error = candidate.errors.get(name, 0.0)
-        if size + 2 * error < low or size - 2 * error > high:
-            return False
-        sure = sure or abs(size) > 3 * error > 0
-    return sure
-
-
-def leaner(passing: list[Candidate]) -> list[Candidate]:
-    """Move a simpler relative to the front where the best has a parameter it does not need.
-
-    A cable whose stiffness may be zero is a slope: the richer law fits a little better always.
-    """
-    best = passing[0]
-    needless = [n for n, error in best.errors.items() if abs(best.sizes[n]) < 3 * error]
-    for other in passing[1:] if needless else ():
-        if (
-            other.count < best.count
-            and related(other, best)
-            and other.loss.total < (1.0 + NEARLY) * best.loss.total
-        ):
-            return [other, *(c for c in passing if c is not other and c is not best)]
-    return passing
-
-
-def related(one: Candidate, other: Candidate) -> bool:
-    """Tell whether the library lists either effect among those that look like the other."""
-    return (
-        one.identifier in get_effect(other.identifier).confusables
-        or other.identifier in get_effect(one.identifier).confusables
+            Step(best, tuple(c.identifier for c in group), float(now.p[best.number]), False,
+                 tuple(group[1:]))
+        )  # fmt: skip
+        tell(f"adding {best.identifier}")
+        now = Round.of(parts, best.simulations, generic, seeds[2 + count], origin, first.error)
+    steps = _without_idle(parts, base, steps)
+    tell("measuring errors on untouched windows")
+    chain = _chain(parts, refined, steps)
+    errors = free_run_errors(parts, chain, first.simulations[-1])
+    unconfirmed = [s for s, gone in zip(steps, _confirmed(errors), strict=True) if not gone]
+    if unconfirmed and len(unconfirmed) < len(steps):
+        steps = [step for step in steps if step not in unconfirmed]
+        chain = _chain(parts, refined, steps)
+        errors = free_run_errors(parts, chain, first.simulations[-1])
+    last = chain[-1][1]
+    steps.sort(key=lambda step: step.background)
+    verdict, reason = _judge(steps, errors, outside, now)
+    return Diagnosis(
+        log=name,
+        verdict=verdict,
+        reason=reason,
+        steps=tuple(steps),
+        model=replace(last, name="diagnosed"),
+        base=base,
+        reach=reach(first),
+        depends_on=tuple(now.dependences()),
+        errors=errors,
+        first=first,
+        last=now,
     )
 
 
-def rivals(passing: list[Candidate]) -> list[Candidate]:
-    """The best, and those whose losses by stretch do not differ from its by more than chance."""
-    best = passing[0]
-    others = (c for c in passing[1:] if related(c, best) and as_good(c.loss, best.loss))
-    return [best, *others]
+def sizes(model: Model, identifier: str, windows: int) -> dict[str, Quantity]:
+    """Parameters of one effect of a refined model, with 95 % intervals where they were fitted."""
+    from scipy.special import stdtrit
 
-
-def as_good(other: Loss, best: Loss) -> bool:
-    """Tell by a paired test over stretches whether a loss exceeds the best by chance alone."""
-    scale = best.stretches.mean(axis=1, keepdims=True)
-    gap = ((other.stretches - best.stretches) / scale).mean(axis=0)
-    spread = gap.std(ddof=1) / np.sqrt(len(gap))
-    return bool(stdtr(len(gap) - 1, -gap.mean() / max(spread, 1e-12)) > CHANCE)
-
-
-def simplest(group: list[Candidate]) -> Candidate:
-    """Among equals, the one with fewest parameters; among those, the best."""
-    return min(group, key=lambda c: (c.count, c.loss.total))
-
-
-def sizes(candidate: Candidate) -> dict[str, Quantity]:
-    """Sizes with intervals where the parameter enters linearly."""
-    effect, found = get_effect(candidate.identifier), {}
-    for name, value in candidate.sizes.items():
-        error = candidate.errors.get(name)
-        interval = None if error is None else (value - 2.02 * error, value + 2.02 * error)
-        unit = effect.parameter_of(name).unit
-        found[name] = Quantity(float(value), unit, error, interval, "diagnosis")
+    factor = float(stdtrit(max(windows - 1, 1), 0.975))
+    covariance = np.array(model.covariance)
+    effect, found = get_effect(identifier), {}
+    pairs = zip(model.names(), model.values(), strict=True)
+    for k, (name, value) in enumerate(pairs):
+        if not name.startswith(f"{identifier}."):
+            continue
+        flat, error = name.split(".")[1], float(np.sqrt(max(covariance[k, k], 0.0)))
+        known = error > 0
+        interval = (value - factor * error, value + factor * error) if known else None
+        unit = effect.parameter_of(flat).unit
+        found[flat] = Quantity(value, unit, error if known else None, interval, "diagnosis")
     return found
 
 
-def unfit(log: Log) -> str:
-    """Say why a record can decide nothing; empty when it can."""
-    velocity, command = log.velocity(), log.command
-    lever = log.platform.lever
-    speed = float(np.sqrt(np.mean((velocity * (1.0, 1.0, lever)) ** 2) * 3))
-    if log.duration < LEAST_SECONDS:
-        return f"{log.name} lasts {log.duration:.3g} s; record at least {LEAST_SECONDS:g} s"
-    if speed < LEAST_SPEED:
-        return (
-            f"{log.name} hardly moves ({speed:.3g} m/s rms); drive it along "
-            "`record.py --motion calibration`"
-        )
-    limit = np.abs(command).max(axis=0)
-    clipped = float(np.mean(np.abs(command) > 0.999 * limit))
-    if clipped > MOST_CLIPPED:
-        return (
-            f"{100 * clipped:.0f} % of the torques of {log.name} are at their limit; drive slower"
-        )
-    return ""
+def _with_steps(base: Model, steps: list[Step]) -> Model:
+    """The base model with the effects of all steps at the sizes they were added with."""
+    if not steps:
+        return base
+    latest = steps[-1].best.model
+    wanted = {a.identifier for a in base.effects} | {s.best.identifier for s in steps}
+    kept = tuple(a for a in latest.effects if a.identifier in wanted)
+    return replace(latest, effects=kept, covariance=None)
 
 
-def _first(best: Candidate):
-    return lambda candidate: (candidate is not best, candidate.loss.total)
+def _without_idle(parts: list[Part], base: Model, steps: list[Step]) -> list[Step]:
+    """Leave out effects that later ones have made superfluous."""
+    if len(steps) < 2:
+        return steps
+    role = np.concatenate([part.role for part in parts])
+    deciding = role == SELECT if np.any(role == SELECT) else role == FIT
+    kept = list(steps)
+    for step in steps[:-1]:
+        fewer = [other for other in kept if other is not step]
+        _, simulations = refit(parts, _with_steps(base, kept))
+        _, without = refit(parts, _reduced(_with_steps(base, kept), step.best.identifier))
+        full = window_losses(parts, simulations)[deciding].mean()
+        if window_losses(parts, without)[deciding].mean() < full / (1.0 - 0.5 * LEAST_GAIN):
+            kept = fewer
+    return kept
+
+
+def _reduced(model: Model, identifier: str) -> Model:
+    return replace(model, effects=tuple(a for a in model.effects if a.identifier != identifier))
+
+
+def _chain(parts: list[Part], base: OutputError, steps: list[Step]) -> list[tuple[str, Model]]:
+    """Names and models from the base to the final one, one effect more each time."""
+    chain = [("", base.model)]
+    for count in range(1, len(steps) + 1):
+        model = _with_steps(base.model, steps)
+        for later in steps[count:]:
+            model = _reduced(model, later.best.identifier)
+        chain.append((steps[count - 1].best.identifier, refit(parts, model)[0].model))
+    return chain
+
+
+def _confirmed(errors: FreeRunErrors) -> np.ndarray:
+    """Tell of each step whether it lowers the error on untouched windows as it should.
+
+    A few windows can only refuse what makes them worse.
+    """
+    least = LEAST_GAIN if errors.windows >= FEWEST else 0.0
+    return np.diff(errors.remaining**2) < -least * errors.remaining[:-1] ** 2
+
+
+def _judge(steps: list[Step], errors: FreeRunErrors, outside: bool, last: Round) -> tuple[str, str]:
+    """Return verdict and reason."""
+    real = [step for step in steps if not step.background]
+    fall = f"free-run error {100 * errors.before:.3g} % to {100 * errors.after:.3g} %"
+    if outside:
+        signals = ", ".join(signal for signal, _ in last.dependences())
+        return "outside_library", f"the error depends on {signals}, as no effect explains"
+    if not real:
+        background = "".join(f"; {s.best.identifier} is there, as on real rollers" for s in steps)
+        return "nothing_missing", (
+            f"no effect removes {100 * LEAST_GAIN:.0f} % of the squared error where it was not "
+            f"fitted{background}"
+        )
+    if errors.remaining[-1] >= 1.0:
+        names = ", ".join(step.best.identifier for step in real)
+        return "cannot_say", (
+            f"{names} fit, but not what was kept for the end ({fall}); record another motion"
+        )
+    doubtful = [step for step in real if len(step.group) > 1]
+    if doubtful:
+        return "ambiguous", f"{', '.join(doubtful[0].group)} explain the log alike; {fall}"
+    return "named", f"{', '.join(step.best.identifier for step in real)}; {fall}"

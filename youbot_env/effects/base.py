@@ -38,6 +38,12 @@ class Parameter:
         per_wheel: whether each wheel may have its own value; one number then means all wheels.
         contrast: whether only differences between wheels can be seen, the common part being a
             parameter of the robot itself or invisible; the typical size is then one wheel's.
+        profile: sizes that a search tries where the law is not linear in the parameter, in units
+            of ``profile_unit``.
+        profile_unit: ``default`` (the typical size), ``command`` (rms of the drive input),
+            ``peak`` (its largest value) or ``duration`` (of the record).
+        smooth: whether the law has a derivative in the parameter; where it has none the parameter
+            stays at the best of its profile.
     """
 
     name: str
@@ -48,6 +54,9 @@ class Parameter:
     linear: bool = True
     per_wheel: bool = False
     contrast: bool = False
+    profile: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0)
+    profile_unit: str = "default"
+    smooth: bool = True
 
 
 class Signals:
@@ -107,6 +116,9 @@ class Effect:
         experiments: motions that tell them apart.
         order: place among the effects of the same link, small first.
         needs_pose, needs_wheel_angle, needs_time: signals beyond velocity that the law reads.
+        background: whether every robot has some of it, so that it is explained before anything
+            else is named.
+        seen_by_wheels: whether wheel speeds alone show it; if not, only a measured pose does.
     """
 
     identifier: ClassVar[str]
@@ -121,6 +133,8 @@ class Effect:
     needs_pose: ClassVar[bool] = False
     needs_wheel_angle: ClassVar[bool] = False
     needs_time: ClassVar[bool] = False
+    background: ClassVar[bool] = False
+    seen_by_wheels: ClassVar[bool] = True
 
     # Hooks.  ``p`` holds the parameters by name; a per-wheel parameter is always a tuple of n.
 
@@ -167,6 +181,10 @@ class Effect:
     def time_constant(self, p: Any):
         """Fastest time constant of the effect's own state, s; the step is chosen below it."""
         return math.inf
+
+    def plausible(self, values: dict[str, float]) -> bool:
+        """Tell whether sizes within their bounds, by flat name, also make sense together."""
+        return True
 
     # What follows is the same for every effect.
 

@@ -15,6 +15,7 @@ class BaseGeometryError(Effect):
         Parameter("e", "", "relative error of the distances", 0.02, (-0.3, 0.3), linear=False),
     )
     regime = "turning; only against the pose"
+    seen_by_wheels = False
     confusables = ("roller_angle_error", "wheel_radius_error")
     experiments = ("spin on the spot",)
 

@@ -21,7 +21,9 @@ class BatterySag(Effect):
     link = "drive"
     parameters = (
         Parameter("a", "", "share of the torque lost in the end", 0.15, (0.0, 0.95)),
-        Parameter("T", "s", "time constant", 60.0, (5.0, 600.0), linear=False),
+        Parameter(
+            "T", "s", "time constant", 60.0, (5.0, 600.0), linear=False, profile=(0.25, 1.0, 5.0)
+        ),
     )
     regime = "drifts with time, in proportion to the torque"
     confusables = ("friction_warmup", "payload_change", "torque_saturation")

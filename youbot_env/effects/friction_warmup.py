@@ -16,7 +16,9 @@ class FrictionWarmup(Effect):
     link = "shaft"
     parameters = (
         Parameter("a", "", "share of the friction lost in the end", 0.25, (0.0, 0.95)),
-        Parameter("T", "s", "time constant", 60.0, (5.0, 600.0), linear=False),
+        Parameter(
+            "T", "s", "time constant", 60.0, (5.0, 600.0), linear=False, profile=(0.25, 1.0, 5.0)
+        ),
     )
     regime = "drifts with time, in proportion to the speed"
     confusables = ("battery_sag", "payload_change")

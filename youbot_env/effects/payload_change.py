@@ -25,7 +25,17 @@ class PayloadChange(Effect):
         Parameter("dI", "kg m^2", "moment of inertia about O added", 0.2, (-3.0, 10.0)),
         Parameter("dpx", "kg m", "first moment added, forward", 0.5, (-15.0, 15.0)),
         Parameter("dpy", "kg m", "first moment added, to the left", 0.0, (-15.0, 15.0)),
-        Parameter("t0", "s", "moment of the change", 60.0, (0.0, 3600.0), linear=False),
+        Parameter(
+            "t0",
+            "s",
+            "moment of the change",
+            60.0,
+            (0.0, 3600.0),
+            linear=False,
+            profile=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9),
+            profile_unit="duration",
+            smooth=False,
+        ),
     )
     regime = "differs before and after one moment"
     confusables = ("battery_sag", "friction_warmup")

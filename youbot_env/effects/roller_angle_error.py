@@ -36,6 +36,7 @@ class RollerAngleError(Effect):
                   per_wheel=True),
     )  # fmt: skip
     regime = "sideways motion and turning; best seen against the pose"
+    seen_by_wheels = False
     confusables = ("base_geometry_error", "wheel_radius_error")
     experiments = ("straight runs at four headings",)
     order = -20

@@ -27,15 +27,18 @@ class RollerRipple(Effect):
     )
     link = "kinematics"
     parameters = (
-        Parameter("size", "", "1 is the exact relation, 0 none", 1.0, (0.0, 2.0), linear=False),
+        Parameter("size", "", "1 is the exact relation, 0 none", 1.0, (0.0, 2.0), linear=False,
+                  profile=(1.0,)),
         Parameter("phi0", "rad", "roller phase where the wheel angle is zero", 0.0,
-                  (-PITCH / 2, PITCH / 2), linear=False, per_wheel=True),
+                  (-PITCH / 2, PITCH / 2), linear=False, per_wheel=True,
+                  profile=(0.0, -0.4, -0.2, 0.2, 0.4), smooth=False),
     )  # fmt: skip
     regime = "sideways motion and turning; repeats six times a wheel turn"
     confusables = ("torque_ripple", "wheel_slip")
     experiments = ("straight runs at four headings", "slow ramp through zero")
     order = -10
     needs_wheel_angle = True
+    background = True
 
     @classmethod
     def complete(cls, values, platform):

@@ -17,7 +17,15 @@ class StribeckFriction(Effect):
     parameters = (
         Parameter("fc", "N m", "dry friction torque at speed", 0.2, (0.0, 5.0), per_wheel=True),
         Parameter("fs", "N m", "friction torque at standstill", 0.3, (0.0, 8.0), per_wheel=True),
-        Parameter("ws", "rad/s", "Stribeck speed", 0.5, (0.1, 5.0), linear=False),
+        Parameter(
+            "ws",
+            "rad/s",
+            "Stribeck speed",
+            0.5,
+            (0.1, 5.0),
+            linear=False,
+            profile=(0.5, 1.0, 2.0, 4.0),
+        ),
     )
     regime = "reversals and slow motion"
     confusables = ("wheel_coulomb_friction", "torque_dead_zone")
@@ -31,3 +39,11 @@ class StribeckFriction(Effect):
             level = fc + (fs - fc) * ops.exp(-ratio * ratio)
             torques.append(-level * ops.tanh(w / WIDTH))
         return tuple(torques)
+
+    def plausible(self, values):
+        """Static friction is the larger one; the other way round it is another law."""
+        return all(
+            values[name.replace("fc", "fs")] >= value
+            for name, value in values.items()
+            if name.startswith("fc")
+        )

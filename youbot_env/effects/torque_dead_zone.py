@@ -11,8 +11,9 @@ class TorqueDeadZone(Effect):
     equation = r"M_i = M_i^{\text{log}} - \operatorname{sat}(M_i^{\text{log}}, M_0)"
     link = "drive"
     parameters = (
-        Parameter("threshold", "N m", "torque that moves nothing", 0.2, (0.0, 5.0), linear=False),
-    )
+        Parameter("threshold", "N m", "torque that moves nothing", 0.2, (0.0, 5.0), linear=False,
+                  profile=(0.04, 0.1, 0.25), profile_unit="command"),
+    )  # fmt: skip
     regime = "small torques and their reversals"
     confusables = ("wheel_coulomb_friction", "stribeck_friction", "load_dependent_friction")
     experiments = ("slow ramp through zero", "fast reversals")

@@ -10,9 +10,7 @@ class TorqueOffset(Effect):
     title = "Zero error of the torques"
     equation = r"M_i = M_i^{\text{log}} - b_i"
     link = "drive"
-    parameters = (
-        Parameter("b", "N m", "zero error", 0.1, (-2.0, 2.0), per_wheel=True, contrast=True),
-    )
+    parameters = (Parameter("b", "N m", "zero error", 0.1, (-2.0, 2.0), per_wheel=True),)
     regime = "always, also at rest; does not turn with the heading"
     confusables = ("floor_slope", "wheel_friction_asymmetry")
     experiments = ("spin on the spot", "straight runs at four headings")

@@ -18,7 +18,16 @@ class TorqueRipple(Effect):
     parameters = (
         Parameter("a", "N m", "cosine amplitude", 0.15, (-3.0, 3.0), per_wheel=True),
         Parameter("b", "N m", "sine amplitude", 0.15, (-3.0, 3.0), per_wheel=True),
-        Parameter("k", "", "periods a turn of the wheel", 6.0, (0.5, 300.0), linear=False),
+        Parameter(
+            "k",
+            "",
+            "periods a turn of the wheel",
+            6.0,
+            (0.5, 300.0),
+            linear=False,
+            profile=(1 / 6, 1 / 3, 0.5, 2 / 3, 1.0, 4 / 3, 2.0),
+            smooth=False,
+        ),
     )
     regime = "repeats with the wheel angle"
     confusables = ("roller_ripple",)

@@ -10,7 +10,8 @@ class TorqueSaturation(Effect):
     title = "Torque limit"
     equation = r"M_i = \operatorname{sat}(M_i^{\text{log}}, M_{\max})"
     link = "drive"
-    parameters = (Parameter("limit", "N m", "largest torque", 3.0, (0.05, 50.0), linear=False),)
+    parameters = (Parameter("limit", "N m", "largest torque", 3.0, (0.05, 50.0), linear=False,
+                            profile=(0.5, 0.65, 0.8, 0.9), profile_unit="peak"),)  # fmt: skip
     regime = "large torques"
     confusables = ("battery_sag",)
     experiments = ("fast reversals",)

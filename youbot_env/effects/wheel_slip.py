@@ -36,6 +36,7 @@ class WheelSlip(Effect):
     )
     confusables = ("roller_ripple", "wheel_radius_error", "torque_saturation", "quadratic_drag")
     experiments = ("plateaus at several speeds", "payload")
+    background = True
     order = 90  # after everything else on the shaft
 
     def _torques_and_losses(self, p, s, ops):

@@ -1,0 +1,281 @@
+"""What the logs say about every trial, from one table of inner products by window.
+
+Rows are free-run errors of a base model, columns the traces of its own parameters and of all
+trials.  Once their inner products are known window by window, any fit to any set of windows is a
+small linear system: errors on windows that were left out, on other motions, and the scatter between
+windows from which significance is judged, cost microseconds each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import stats
+
+from ident.diagnosis.dependence import Dependence
+from ident.diagnosis.parts import FIT, SELECT, Part
+from ident.diagnosis.reduced import Reduced
+from ident.diagnosis.trials import Trial
+from ident.output_error import free_directions, settled
+from ident.sensitivity import Linearised
+from youbot_env.model import Model
+
+# Blocks of each log that are left out in turn: in a calibration log these are its motions.
+BLOCKS = 4
+# Averages over samples bring the rows to about this rate, Hz, faster than the robot can answer.
+RATE = 25.0
+# Shrinks the coefficients of dependences, which have many.
+RIDGE = 1e-3
+DRAWS = 999
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Inner products of errors and traces.
+
+    Attributes:
+        model: the base model.
+        trials: effects that were tried; a number below counts them and, after them, dependences.
+        dependences: generic functions that compete with them.
+        columns: column numbers of each trial and dependence.
+        grams: (W, n, n) inner products in every window; the base parameters' columns come first,
+            the error last.  Columns are scaled to equal length.
+        scale: (n - 1,) lengths before scaling.
+        role: (W,) role of each window.
+        log: (W,) number of its log.
+        base: number of base columns.
+    """
+
+    model: Model
+    trials: tuple[Trial, ...]
+    dependences: tuple[Dependence, ...]
+    columns: tuple[np.ndarray, ...]
+    grams: np.ndarray
+    scale: np.ndarray
+    role: np.ndarray
+    log: np.ndarray
+    base: int
+
+    @classmethod
+    def of(
+        cls,
+        parts: list[Part],
+        simulations: list[Linearised],
+        found: list[Trial],
+        generic: list[Dependence],
+    ) -> Evidence:
+        """Evaluate trials along simulated logs.
+
+        Args:
+            parts: the logs and the roles of their windows.
+            simulations: each log simulated with the base model.
+            found: the trials.
+            generic: the dependences.
+        """
+        model = simulations[0].model
+        directions = free_directions(model)
+        moving = np.any(directions != 0, axis=1)
+        pairs = [pair for trial in found for pair in trial.pairs]
+        grams, role, log = [], [], []
+        for number, (part, sim) in enumerate(zip(parts, simulations, strict=True)):
+            own = sim.value_columns(moving) @ directions[moving]
+            traces, mixed, at = sim.model_columns(pairs), [], 0
+            for trial in found:
+                mixed.append(traces[..., at : at + len(trial.pairs)] @ trial.mix)
+                at += len(trial.pairs)
+            made = [dependence.make(sim) for dependence in generic]
+            forced = sim.force_columns([wrench for wrenches in made for wrench in wrenches])
+            wide = [own, *mixed, forced, sim.residual[..., None]]
+            rows = _averaged(sim, np.concatenate(wide, axis=-1) * part.weights[:, None])
+            grams.append(rows.transpose(0, 2, 1) @ rows)
+            role.append(part.role)
+            log.append(np.full(len(part.role), number))
+        grams = np.concatenate(grams)
+        base = own.shape[-1]
+        sizes, columns = [trial.mix.shape[1] for trial in found] + [len(w) for w in made], []
+        start = base
+        for size in sizes:
+            columns.append(np.arange(start, start + size))
+            start += size
+        scale = np.sqrt(np.diagonal(grams.sum(axis=0)))[:-1]
+        scale = np.where(scale > 0, scale, 1.0)
+        by = np.append(scale, 1.0)
+        grams = grams / np.outer(by, by)
+        role, log = np.concatenate(role), np.concatenate(log)
+        return cls(
+            model, tuple(found), tuple(generic), tuple(columns), grams, scale, role, log, base
+        )
+
+    def total(self, windows: np.ndarray) -> np.ndarray:
+        """Inner products summed over windows (W,) bool."""
+        return self.grams[windows].sum(axis=0)
+
+    @cached_property
+    def _fitted(self) -> Reduced:
+        """Fit and errors on the windows for fitting."""
+        everything = self.total(self.role == FIT)
+        return Reduced.of(everything, everything, self.base)
+
+    @cached_property
+    def _blocks(self) -> list[Reduced]:
+        """Fits that leave out one block of consecutive windows each, and errors on that block."""
+        return self._left_out(FIT, lambda count: np.arange(count) * BLOCKS // count)
+
+    @cached_property
+    def _transfer(self) -> list[Reduced]:
+        """Fit to all windows for fitting, errors on those for choosing; empty without such."""
+        choosing = self.role == SELECT
+        if not choosing.any():
+            return []
+        return [Reduced.of(self.total(self.role == FIT), self.total(choosing), self.base)]
+
+    @cached_property
+    def _inside(self) -> list[list[Reduced]]:
+        """Fits within single logs that leave out windows here and there, for what does not last.
+
+        A drift in time, or a patch of floor, is no business of another log or of another quarter.
+        """
+        every = [self._left_out(FIT, lambda count: np.arange(count) % BLOCKS)]
+        if np.count_nonzero(self.role == SELECT) >= 2 * BLOCKS:
+            every.append(self._left_out(SELECT, lambda count: np.arange(count) % BLOCKS))
+        return every
+
+    def _left_out(self, role: int, number: Callable[[int], np.ndarray]) -> list[Reduced]:
+        found = []
+        for log in np.unique(self.log[self.role == role]):
+            inside = np.flatnonzero((self.log == log) & (self.role == role))
+            block = number(len(inside))
+            for k in np.unique(block):
+                out = np.zeros(len(self.log), bool)
+                out[inside[block == k]] = True
+                rest = (self.role == role) & ~out
+                found.append(Reduced.of(self.total(rest), self.total(out), self.base))
+        return found
+
+    def gain(self, number: int) -> float:
+        """Share of squared error that a trial or dependence removes where it was not fitted.
+
+        Of an effect the smaller of two: on blocks left out of the fit, and on another motion if
+        there is one.  Dependences of one place or time are judged within each log.
+        """
+        local = self.dependence(number) is not None and self.dependence(number).local
+        ways = self._inside if local else [self._blocks, self._transfer]
+        ridge = 0.0 if self.dependence(number) is None else RIDGE
+        mine = self.columns[number] - self.base
+        gains = []
+        for way in filter(None, ways):
+            after = sum(part.loss(mine, ridge) for part in way)
+            gains.append(1.0 - after / sum(part.before for part in way))
+        return min(gains)
+
+    def dependence(self, number: int) -> Dependence | None:
+        """The dependence of a number; None where it stands for an effect."""
+        behind = number - len(self.trials)
+        return self.dependences[behind] if behind >= 0 else None
+
+    def explained(self, number: int) -> float:
+        """Share of squared error that a trial removes on the windows that it is fitted to."""
+        mine = self.columns[number] - self.base
+        return 1.0 - self._fitted.loss(mine) / self._fitted.before
+
+    def coefficients(self, number: int) -> np.ndarray:
+        """Coefficients (k,) of mixed columns, in units of the columns."""
+        mine = self.columns[number]
+        return self._fitted.solve(mine - self.base) / self.scale[mine]
+
+    def scatter(self, number: int) -> np.ndarray:
+        """(k, k) covariance of the coefficients, from the scatter of scores between windows.
+
+        Small effects leave the errors of the base model in the scores, as a test of their absence
+        should; after an effect is added its interval comes from the refined model.
+        """
+        mine = self.columns[number]
+        bread = self._fitted.inverse(mine - self.base) / np.outer(
+            self.scale[mine], self.scale[mine]
+        )
+        scores = self.scores[:, mine - self.base] * self.scale[mine]
+        return bread @ (scores.T @ scores) @ bread
+
+    def strength(self, number: int, size: np.ndarray) -> float:
+        """Share of the error that one unit of a size (k,) of the mixed columns amounts to.
+
+        ``size`` says what the size is per unit of each coefficient; what the base parameters
+        absorb does not count.
+        """
+        mine = self.columns[number] - self.base
+        along = np.linalg.pinv(size[None])[:, 0] * self.scale[self.columns[number]]
+        inner = self._fitted.fit[np.ix_(mine, mine)]
+        return float(along @ inner @ along) / self._fitted.before
+
+    @cached_property
+    def scores(self) -> np.ndarray:
+        """(W, n - base - 1) score of every column in each window for fitting.
+
+        Columns and errors are orthogonal to the base columns.
+        """
+        grams, b, share = self.grams[self.role == FIT], self.base, self._fitted.share
+        own, error = share[:, :-1], share[:, -1]
+        inner = grams[:, :b, :b]
+        return (
+            grams[:, b:-1, -1]
+            - grams[:, :b, -1] @ own
+            - grams[:, b:-1, :b] @ error
+            + (inner @ error) @ own
+        )
+
+    def p_values(self, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """P values of everything tried, single and adjusted for all of it together.
+
+        Wild cluster bootstrap of the scores: signs of whole windows are drawn anew, the smallest
+        p value of each draw is compared with every trial's own.  It covers correlated errors
+        within windows, all trials, and profiles of parameters that only exist with the effect.
+        Effects are adjusted for all effects, dependences for everything.
+        """
+        rng = np.random.default_rng(seed)
+        count = int(np.count_nonzero(self.role == FIT))
+        signs = rng.choice([-1.0, 1.0], (DRAWS, count))
+        single, drawn = [], []
+        for trial in range(len(self.columns)):
+            scores = self.scores[:, self.columns[trial] - self.base]
+            turn = _whitened(scores)
+            freedom = turn.shape[1]
+            if freedom == 0 or count <= freedom:
+                single.append(1.0)
+                continue
+            white = scores @ turn
+            both = np.concatenate([white.sum(axis=0)[None], signs @ white])
+            squared = np.minimum((both**2).sum(axis=1), count * (1 - 1e-12))
+            ratio = (count - freedom) / freedom * squared / (count - squared)
+            p = stats.f.sf(ratio, freedom, count - freedom)
+            single.append(p[0])
+            drawn.append((trial, p[1:]))
+        single, adjusted = np.array(single), np.ones(len(single))
+        for first, last in ((0, len(self.trials)), (0, len(single))):
+            within = [p for k, p in drawn if first <= k < last]
+            mine = slice(0, last) if last == len(self.trials) else slice(len(self.trials), last)
+            if within:
+                smallest = np.min(within, axis=0)
+                rank = np.count_nonzero(smallest[None] <= single[mine, None], axis=1)
+                adjusted[mine] = (1 + rank) / (1 + DRAWS)
+        return single, np.maximum(single, adjusted)
+
+
+def _averaged(sim: Linearised, rows: np.ndarray) -> np.ndarray:
+    """Settled samples (W, L, m, n) averaged to about RATE, as rows (W, l m, n)."""
+    rows = settled(sim, rows)
+    together = max(1, round(1.0 / (RATE * sim.log.dt)))
+    count = rows.shape[1] // together
+    rows = rows[:, : count * together].reshape(len(rows), count, together, *rows.shape[2:])
+    # A mean over k samples of white noise has k times less variance: each row stands for k.
+    rows = rows.mean(axis=2) * np.sqrt(together)
+    return np.nan_to_num(rows.reshape(len(rows), -1, rows.shape[-1]))
+
+
+def _whitened(scores: np.ndarray) -> np.ndarray:
+    """(k, r) combinations of scores with unit scatter, leaving out those without any."""
+    strength, turn = np.linalg.eigh(scores.T @ scores)
+    strong = strength > 1e-9 * max(strength[-1], 1e-300)
+    return turn[:, strong] / np.sqrt(strength[strong])

@@ -1,0 +1,46 @@
+"""How small the free-run error of a log could be: what its sensors' noise alone leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ident.output_error import settled
+from ident.sensitivity import Linearised
+
+# White noise becomes this much larger in second differences: 1 + 4 + 1.
+AMPLIFIED = 6.0
+# Median of |x| of a normal variable in standard deviations.
+MEDIAN = 0.6745
+
+
+def noise_floor(sim: Linearised, weights: np.ndarray) -> tuple[float, np.ndarray]:
+    """Mean squared free-run error from the noise of outputs and drive input.
+
+    Both are read off second differences, which motion does not reach.  The drive's carries what
+    the wheel loops make of the wheels' noise, which the robot really feels: the floor is rather
+    too high than too low.
+
+    Returns:
+        Weighted as ``scaled_error`` is; and (m,) variances in the units of the outputs.
+    """
+    log = sim.log
+    shown = log.wheel_velocity if log.body_velocity is None else log.body_velocity
+    own = np.array([_white(log.pieces(), shown, k) for k in range(shown.shape[1])])
+    drive = np.array([_white(log.pieces(), log.command, k) for k in range(log.command.shape[1])])
+    rng = np.random.default_rng(0)
+    torque = np.sqrt(drive)[:, None] * rng.normal(size=(len(drive), sim.time.size))
+    wrench = log.platform.jacobian_array.T @ torque
+    followed = settled(sim, sim.force_columns([wrench])[..., 0])
+    total = own + np.mean(followed**2, axis=(0, 1))
+    return float(np.mean(total * weights**2)), total
+
+
+def _white(pieces: list, signal: np.ndarray, column: int) -> float:
+    """Variance of the white part of a signal, robust against steps."""
+    differences, start = [], 0
+    for piece in pieces:
+        count = len(piece.time)
+        differences.append(np.diff(signal[start : start + count, column], 2))
+        start += count
+    joined = np.concatenate(differences)
+    return float((np.median(np.abs(joined)) / MEDIAN) ** 2 / AMPLIFIED)

@@ -1,0 +1,123 @@
+"""Effects refined one by one on top of a model, and which of them the logs cannot tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from ident.diagnosis.evidence import Evidence
+from ident.diagnosis.parts import FIT, SELECT, VERIFY, Part
+from ident.output_error import OutputError, refine, scaled_error
+from ident.sensitivity import Linearised
+from youbot_env.model import Model
+
+# A rival with a chance above this to be as good as the best cannot be told from it.
+CHANCE = 0.05
+# Gauss-Newton steps of a refinement; the start is close.
+STEPS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One effect refined with the base parameters.
+
+    Attributes:
+        identifier: the effect.
+        number: its trial.
+        refined: the model with it.
+        simulations: every log simulated with that model.
+        loss: (W,) mean squared scaled error of each window.
+        optimism: share by which the loss on fitted windows is too small.
+        count: number of its parameters.
+    """
+
+    identifier: str
+    number: int
+    refined: OutputError
+    simulations: tuple[Linearised, ...]
+    loss: np.ndarray
+    optimism: float
+    count: int
+
+    @property
+    def model(self) -> Model:
+        """The model with the effect."""
+        return self.refined.model
+
+
+def window_losses(parts: list[Part], simulations) -> np.ndarray:
+    """(W,) mean squared scaled error of each window of all logs."""
+    pairs = zip(parts, simulations, strict=True)
+    return np.concatenate([np.mean(scaled_error(s, p.weights) ** 2, axis=(1, 2)) for p, s in pairs])
+
+
+def refit(parts: list[Part], model: Model, steps: int = STEPS) -> tuple[OutputError, tuple]:
+    """Refine a model on the windows for fitting; also simulate the other logs with it."""
+    fitted = [part for part in parts if part.windows(FIT).any()]
+    keep = [part.windows(FIT) for part in fitted]
+    weights = [part.weights for part in fitted]
+    logs = [part.log for part in fitted]
+    refined = refine(logs, model, iterations=steps, keep=keep, weights=weights)
+    others = [Linearised.of(p.log, refined.model) for p in parts[len(fitted) :]]
+    return refined, (*refined.simulations, *others)
+
+
+def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate | None:
+    """Refine a trial; None where its sizes make no sense together."""
+    trial = evidence.trials[number]
+    with np.errstate(all="ignore"):
+        refined, simulations = refit(parts, trial.start(evidence.coefficients(number)))
+    active = refined.model.effects[-1]
+    if not active.effect.plausible(active.values):
+        return None
+    optimism = max(0.0, evidence.explained(number) - evidence.gain(number))
+    count = trial.mix.shape[1] + sum(not p.linear and p.smooth for p in active.effect.parameters)
+    loss = window_losses(parts, simulations)
+    return Candidate(trial.identifier, number, refined, simulations, loss, optimism, count)
+
+
+def ranked(found: list[Candidate], role: np.ndarray, before: np.ndarray) -> list[Candidate]:
+    """The group that cannot be told apart, best first.
+
+    The windows for choosing decide, which no candidate was fitted to; what they leave open the
+    fitted ones may settle, less the optimism of the fit.  Parameters count.
+
+    Args:
+        found: candidates.
+        role: (W,) roles of the windows.
+        before: (W,) losses without any of them.
+    """
+    group = found
+    if np.any(role == SELECT):
+        group = _alike(group, role == SELECT, lambda c: c.loss)
+    typical = {kind: before[role == kind].mean() for kind in (FIT, SELECT) if np.any(role == kind)}
+
+    def loss(c: Candidate) -> np.ndarray:
+        return c.loss + np.where(role == FIT, c.optimism * typical[FIT], 0.0)
+
+    scale = np.where(role == SELECT, typical.get(SELECT, 1.0), typical[FIT])
+    return _alike(group, role != VERIFY, lambda c: loss(c) / scale)
+
+
+def _alike(
+    found: list[Candidate], windows: np.ndarray, loss: Callable[[Candidate], np.ndarray]
+) -> list[Candidate]:
+    """Those within chance of the best on some windows, best first."""
+    count = np.count_nonzero(windows)
+    losses = [loss(c)[windows] for c in found]
+    score = [
+        count * np.log(one.mean()) + c.count * np.log(count)
+        for c, one in zip(found, losses, strict=True)
+    ]
+    order = np.argsort(score)
+    best = losses[order[0]]
+    kept = [found[order[0]]]
+    for k in order[1:]:
+        gap = losses[k] - best
+        spread = gap.std(ddof=1) / np.sqrt(count)
+        if stats.t.sf(gap.mean() / max(spread, 1e-15), count - 1) > CHANCE:
+            kept.append(found[k])
+    return kept

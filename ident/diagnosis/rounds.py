@@ -1,0 +1,181 @@
+"""One round: what could be added to a model, whether anything passes, and what fits best."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.diagnosis.dependence import Dependence
+from ident.diagnosis.evidence import Evidence
+from ident.diagnosis.floor import noise_floor
+from ident.diagnosis.parts import FIT, SELECT, Part
+from ident.diagnosis.rivals import Candidate, candidate, ranked, window_losses
+from ident.diagnosis.trials import Trial, trials
+from ident.sensitivity import Linearised
+from youbot_env.model import Model
+
+# Share of the squared free-run error that an effect must remove where it was not fitted.  Robots
+# with real rollers and nothing hidden feign up to 4 %.
+LEAST_GAIN = 0.06
+SIGNIFICANT = 0.05
+# Estimates may miss a bound by this share of the typical size.
+SLACK = 0.25
+# Where more than this share of the error that noise does not explain would be left, something
+# unknown prevails, and only effects of at least this share of their typical size are believed.
+PREVAILING, SIZEABLE = 0.5, 0.5
+# Refined are trials with at least this share of the best gain, and at most so many effects.
+WORTH, MOST = 0.4, 6
+# A dependence that removes this share of the error while no effect passes, or that leaves less
+# than this share of what the best effect leaves, shows that something else is missing.
+TELLING, OUTSIDE = 0.15, 0.6
+# A trial of single wheels must gain this much more than one of all alike.
+SPLIT = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """What the logs say on top of one model.
+
+    Attributes:
+        parts: the logs.
+        simulations: each simulated with the model.
+        evidence: about every trial and dependence.
+        gains, p: of each.
+        origin: mean squared scaled error, with what every robot has explained, of which an effect
+            must remove a part.
+        unexplained: the same before anything was explained, for generic dependences.
+        floor: mean squared scaled error that noise explains.
+        loss: (W,) mean squared scaled error of each window.
+    """
+
+    parts: list[Part]
+    simulations: tuple[Linearised, ...]
+    evidence: Evidence
+    gains: np.ndarray
+    p: np.ndarray
+    floor: float
+    loss: np.ndarray
+    origin: float
+    unexplained: float
+
+    @classmethod
+    def of(
+        cls,
+        parts: list[Part],
+        simulations: tuple,
+        generic: list[Dependence],
+        seed: int,
+        origin: float | None = None,
+        unexplained: float | None = None,
+    ) -> Round:
+        """Try everything on top of the model that the logs are simulated with."""
+        model, log = simulations[0].model, parts[0].log
+        with np.errstate(all="ignore"):
+            evidence = Evidence.of(parts, list(simulations), trials(model, log), generic)
+        gains = np.array([evidence.gain(k) for k in range(len(evidence.columns))])
+        floor = noise_floor(simulations[0], parts[0].weights)[0]
+        p = evidence.p_values(seed)[1]
+        loss = window_losses(parts, simulations)
+        error = float(loss[evidence.role == FIT].mean())
+        return cls(parts, simulations, evidence, gains, p, floor, loss, origin or error,
+                   unexplained or error)  # fmt: skip
+
+    @property
+    def model(self) -> Model:
+        """The model of this round."""
+        return self.evidence.model
+
+    @property
+    def error(self) -> float:
+        """Mean squared scaled error of the fitted windows."""
+        return float(self.loss[self.evidence.role == FIT].mean())
+
+    def trial(self, number: int) -> Trial:
+        """The trial of a number."""
+        return self.evidence.trials[number]
+
+    def background(self) -> int | None:
+        """The best trial of an effect that every robot has some of, if one passes."""
+        passing = [k for k in self._passing() if self.trial(k).effect.background]
+        return max(passing, key=lambda k: self.gains[k]) if passing else None
+
+    def worth_refining(self) -> list[int]:
+        """Trials that pass, the best form of each effect, best first."""
+        best: dict[str, int] = {}
+        for k in self._passing():
+            trial = self.trial(k)
+            if trial.effect.background or not self.credible(k):
+                continue
+            old = best.get(trial.identifier)
+            handicap = SPLIT * (trial.per_wheel - (old is not None and self.trial(old).per_wheel))
+            if old is None or self.gains[k] > self.gains[old] + handicap:
+                best[trial.identifier] = k
+        found = sorted(best.values(), key=lambda k: -self.gains[k])
+        return [k for k in found if self.gains[k] >= WORTH * self.gains[found[0]]][:MOST]
+
+    def choose(self) -> list[Candidate]:
+        """The group that fits best, refined; empty where nothing passes."""
+        found = [candidate(self.parts, self.evidence, k) for k in self.worth_refining()]
+        found = [c for c in found if c is not None and self.helps(c)]
+        return ranked(found, self.evidence.role, self.loss) if found else []
+
+    def credible(self, number: int) -> bool:
+        """Tell whether a trial is large enough for what would still be unexplained with it."""
+        unexplained = self.error - self.floor
+        left = (1.0 - self.evidence.explained(number)) * self.error - self.floor
+        if left <= PREVAILING * unexplained:
+            return True
+        return self.relative_size(number) >= SIZEABLE
+
+    def relative_size(self, number: int) -> float:
+        """Largest estimated size of a trial in units of the typical one."""
+        trial = self.trial(number)
+        values = trial.values(self.evidence.coefficients(number))
+        return max(
+            abs(value / trial.effect.parameter_of(name).default)
+            for name, value in values.items()
+            if trial.effect.parameter_of(name).default
+        )
+
+    def dependences(self) -> list[tuple[str, float]]:
+        """Signals that a generic dependence is found on, and its gain, strongest first."""
+        best: dict[str, float] = {}
+        for k in range(len(self.evidence.trials), len(self.gains)):
+            gain = self.gains[k] * min(1.0, self.error / self.unexplained)
+            if gain > LEAST_GAIN and self.p[k] < SIGNIFICANT:
+                signal = self.evidence.dependence(k).signal
+                best[signal] = max(best.get(signal, 0.0), float(gain))
+        return sorted(best.items(), key=lambda item: -item[1])
+
+    def outside(self, best: Candidate | None) -> bool:
+        """Tell whether a generic dependence explains the logs far better than the best effect."""
+        found = self.dependences()
+        if not found or found[0][1] < TELLING:
+            return False
+        if best is None:
+            return True
+        left = 1.0 - max(self.gains[best.number], self._gain_of(best))
+        share = min(1.0, self.error / self.unexplained)
+        return 1.0 - found[0][1] / share < OUTSIDE * left
+
+    def helps(self, found: Candidate) -> bool:
+        """Tell whether the refined effect still lowers the error of every kind of window."""
+        roles = self.evidence.role
+        kinds = [roles == role for role in (FIT, SELECT) if np.any(roles == role)]
+        return all(
+            found.loss[k].mean() < (1 - 0.5 * LEAST_GAIN) * self.loss[k].mean() for k in kinds
+        )
+
+    def _passing(self) -> list[int]:
+        return [
+            k
+            for k, trial in enumerate(self.evidence.trials)
+            if self.gains[k] * min(1.0, self.error / self.origin) > LEAST_GAIN
+            and self.p[k] < SIGNIFICANT
+            and trial.possible(self.evidence.coefficients(k), SLACK)
+        ]
+
+    def _gain_of(self, found: Candidate) -> float:
+        fitted = self.evidence.role == FIT
+        return 1.0 - found.loss[fitted].mean() / self.error - found.optimism

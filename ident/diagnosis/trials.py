@@ -1,0 +1,173 @@
+"""What diagnosis tries on top of a model: every effect of the library in every form it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import null_space
+
+from ident.log import Log
+from youbot_env.effects import Effect, Parameter, effect_names, get_effect
+from youbot_env.model import Model
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One effect in one form, and the pairs of models whose difference is its trace.
+
+    Attributes:
+        identifier: the effect.
+        per_wheel: whether its parameters differ between wheels.
+        names: flat names of the parameters that are estimated.
+        units: sizes of which the columns are the trace.
+        pairs: (without, with) models of each column.
+        mix: (columns, k) combinations that are estimated: contrasts keep their mean.
+        linear: whether the trace is proportional to the size.
+    """
+
+    identifier: str
+    per_wheel: bool
+    names: tuple[str, ...]
+    units: np.ndarray
+    pairs: tuple[tuple[Model, Model], ...]
+    mix: np.ndarray
+    linear: bool
+
+    @property
+    def effect(self) -> Effect:
+        """The law."""
+        return get_effect(self.identifier)
+
+    def values(self, coefficients: np.ndarray) -> dict[str, float]:
+        """Sizes (by flat name) that coefficients (k,) of the mixed columns stand for."""
+        sizes = (self.mix @ coefficients) * self.units
+        return dict(zip(self.names, sizes.tolist(), strict=True))
+
+    def start(self, coefficients: np.ndarray) -> Model:
+        """The model with the effect at the sizes found, moved into their bounds."""
+        found = self.pairs[0][1].effects[-1].values | self.values(coefficients)
+        for name, value in found.items():
+            low, high = self.effect.parameter_of(name).bounds
+            found[name] = float(np.clip(value, low, high))
+        base = self.pairs[0][0]
+        kept = {a.identifier: a.values for a in base.effects if a.identifier != self.identifier}
+        return base.with_effects({**kept, self.identifier: found})
+
+    def possible(self, coefficients: np.ndarray, slack: float) -> bool:
+        """Tell whether sizes lie within their bounds, give or take a share of their unit."""
+        for name, value, unit in zip(
+            self.names, self.values(coefficients).values(), self.units, strict=True
+        ):
+            low, high = self.effect.parameter_of(name).bounds
+            if not low - slack * abs(unit) <= value <= high + slack * abs(unit):
+                return False
+        # The trace of a law that is not linear holds near the size it was made for.
+        return self.linear or bool(np.all((coefficients > 0.2) & (coefficients < 5.0)))
+
+
+def trials(model: Model, log: Log) -> list[Trial]:
+    """Everything worth trying on top of a model with a log like this one."""
+    present = {active.identifier for active in model.effects}
+    found = []
+    for identifier in effect_names():
+        effect = get_effect(identifier)
+        if identifier not in present and effect.seen_by_wheels:
+            found += _forms(effect, model, log)
+    return found
+
+
+def _forms(effect: Effect, model: Model, log: Log) -> Iterator[Trial]:
+    linear = [p for p in effect.parameters if p.linear]
+    curved = [p for p in effect.parameters if not p.linear]
+    if linear:
+        for fixed in _profiles(curved, log):
+            zero = dict.fromkeys((p.name for p in linear), 0.0) | fixed
+            if not any(p.contrast for p in linear):
+                yield _linear_form(effect, model, zero, linear, False)
+            if any(p.per_wheel for p in linear):
+                yield _linear_form(effect, model, zero, linear, True)
+        return
+    if curved[0].per_wheel:
+        yield _wheel_form(effect, model, curved[0])
+        return
+    for values in _profiles(curved, log):
+        size = values[curved[0].name]
+        other = model.with_effects({effect.identifier: values})
+        yield Trial(
+            effect.identifier, False, (curved[0].name,), np.array([size]), ((model, other),),
+            np.eye(1), False,
+        )  # fmt: skip
+
+
+def _linear_form(
+    effect: Effect, model: Model, zero: dict, linear: list[Parameter], per_wheel: bool
+) -> Trial:
+    """Columns of the law at one unit of each parameter, the others at zero."""
+    without = model.with_effects({effect.identifier: zero})
+    names, units, pairs, fixed = [], [], [], []
+    wheels = model.platform.wheel_names
+    for parameter in linear:
+        split = per_wheel and parameter.per_wheel
+        mine = [f"{parameter.name}_{w}" for w in wheels] if split else [parameter.name]
+        if parameter.contrast:
+            fixed.append((len(names), len(mine)))
+        for name in mine:
+            unit = parameter.default or 1.0
+            values = {**zero, name: unit}
+            if split:
+                values |= {other: 0.0 for other in mine if other != name}
+            names.append(name)
+            units.append(unit)
+            pairs.append((without, model.with_effects({effect.identifier: values})))
+    mix = np.eye(len(names))
+    if fixed:
+        rows = np.zeros((len(fixed), len(names)))
+        for row, (begin, count) in zip(rows, fixed, strict=True):
+            row[begin : begin + count] = 1.0
+        mix = null_space(rows)
+    return Trial(effect.identifier, per_wheel, tuple(names), np.array(units), tuple(pairs), mix,
+                 True)  # fmt: skip
+
+
+def _wheel_form(effect: Effect, model: Model, parameter: Parameter) -> Trial:
+    """A law that is nearly linear in an error of each wheel."""
+    names = tuple(f"{parameter.name}_{wheel}" for wheel in model.platform.wheel_names)
+    pairs = tuple(
+        (model, model.with_effects({effect.identifier: {name: parameter.default}}))
+        for name in names
+    )
+    return Trial(effect.identifier, True, names, np.full(len(names), parameter.default), pairs,
+                 np.eye(len(names)), True)  # fmt: skip
+
+
+def _profiles(curved: list[Parameter], log: Log) -> Iterator[dict[str, float]]:
+    """Values of the nonlinear parameters: each over its profile, the others at their first."""
+    if not curved:
+        yield {}
+        return
+    unit = {
+        "default": None,
+        "command": float(np.sqrt(np.mean(log.command**2))),
+        "peak": float(np.abs(log.command).max()),
+        "duration": log.duration,
+    }
+    grids = {}
+    for parameter in curved:
+        scale = unit[parameter.profile_unit]
+        scale = parameter.default if scale is None else scale
+        low, high = parameter.bounds
+        # A typical size of zero has no multiples; its profile is in the parameter's own unit.
+        sizes = [share * (scale or 1.0) for share in parameter.profile]
+        grids[parameter.name] = [size for size in sizes if low <= size <= high] or [
+            parameter.default
+        ]
+    first = {name: sizes[0] for name, sizes in grids.items()}
+    tried = set()
+    for name, sizes in grids.items():
+        for size in sizes:
+            values = first | {name: size}
+            if tuple(values.values()) not in tried:
+                tried.add(tuple(values.values()))
+                yield values

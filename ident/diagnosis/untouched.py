@@ -1,0 +1,118 @@
+"""Free-run errors on the windows that nothing was fitted to or chosen by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ident.diagnosis.floor import noise_floor
+from ident.diagnosis.parts import VERIFY, Part
+from ident.free_run import free_run
+from ident.sensitivity import Linearised, window_length
+from youbot_env.model import Model
+
+DRAWS = 2000
+
+
+@dataclass(frozen=True)
+class FreeRunErrors:
+    """Errors of body velocities as shares of their rms, along the way of adding effects.
+
+    Attributes:
+        names: of the effect that each model has more than the one before; empty for the base.
+        nrmse: of each model.
+        axes: (models, 3) rms errors, m/s, m/s, rad/s.
+        floor: what sensor noise alone leaves.
+        drop_ci95: interval of the share by which the last is smaller than the first.
+        windows: number of windows behind it.
+    """
+
+    names: tuple[str, ...]
+    nrmse: tuple[float, ...]
+    axes: np.ndarray
+    floor: float
+    drop_ci95: tuple[float, float]
+    windows: int
+
+    @property
+    def before(self) -> float:
+        """Error of the base model."""
+        return self.nrmse[0]
+
+    @property
+    def after(self) -> float:
+        """Error of the final model."""
+        return self.nrmse[-1]
+
+    @property
+    def drops(self) -> dict[str, float]:
+        """Share by which each effect lowered the error when it was added."""
+        pairs = zip(self.names[1:], self.nrmse[1:], self.nrmse, strict=False)
+        return {name: 1.0 - now / before for name, now, before in pairs}
+
+    @property
+    def remaining(self) -> np.ndarray:
+        """(models,) errors by axis in units of the base's, rms over the axes.
+
+        An axis that no model explains does not hide here what happens on the others.
+        """
+        return np.sqrt(np.mean((self.axes / self.axes[0]) ** 2, axis=1))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what JSON shows."""
+        return {
+            "before": self.before,
+            "after": self.after,
+            "noise_floor": self.floor,
+            "drop_ci95": list(self.drop_ci95),
+            "steps": [
+                {"added": name or None, "nrmse": error}
+                | dict(zip(("vx", "vy", "yaw_rate"), axes.tolist(), strict=True))
+                for name, error, axes in zip(self.names, self.nrmse, self.axes, strict=True)
+            ],
+        }
+
+
+def free_run_errors(
+    parts: list[Part], chain: list[tuple[str, Model]], simulation: Linearised
+) -> FreeRunErrors:
+    """Simulate the untouched windows of all logs with every model of a chain."""
+    parts = [part for part in parts if part.windows(VERIFY).any()]
+    squared = np.array([_squared(parts, model) for _, model in chain])
+    spread = np.concatenate([p.log.velocity() for p in parts]).std(axis=0)
+    spread = np.maximum(spread, 1e-9)
+    by_window = np.mean(squared / spread**2, axis=2)
+    drawn = np.random.default_rng(0).integers(0, by_window.shape[1], (DRAWS, by_window.shape[1]))
+    means = by_window[:, drawn].mean(axis=2)
+    low, high = np.quantile(1.0 - np.sqrt(means[-1] / means[0]), [0.025, 0.975])
+    return FreeRunErrors(
+        tuple(name for name, _ in chain),
+        tuple(np.sqrt(by_window.mean(axis=1)).tolist()),
+        np.sqrt(squared.mean(axis=1)),
+        _floor(simulation, spread),
+        (float(low), float(high)),
+        by_window.shape[1],
+    )
+
+
+def _squared(parts: list[Part], model: Model) -> np.ndarray:
+    """(W, 3) mean squared errors of the untouched windows."""
+    found = []
+    for part in parts:
+        run = free_run(part.log, model, window_length(part.log))
+        error = np.nan_to_num((run.simulated - run.measured) ** 2, nan=1e6, posinf=1e6)
+        found.append(error.reshape(len(part.role), -1, 3).mean(axis=1)[part.windows(VERIFY)])
+    return np.concatenate(found)
+
+
+def _floor(simulation: Linearised, spread: np.ndarray) -> float:
+    log, (_, variance) = (
+        simulation.log,
+        noise_floor(simulation, np.ones(simulation.residual.shape[-1])),
+    )
+    if log.body_velocity is None:
+        turn = np.linalg.pinv(log.platform.jacobian_array)
+        variance = (turn**2) @ variance
+    return float(np.sqrt(np.mean(variance / spread**2)))
