@@ -17,7 +17,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from controllers import make
-from controllers.training.worlds import MODELS, WORLDS
+from controllers.training.worlds import MODELS, WORLDS, make_world
 from youbot_env.model_file import load_model
 
 ALGORITHMS = ("ppo", "sac", "residual")
@@ -68,8 +68,9 @@ def train(
     """Train a policy by reinforcement learning, and tell whether it beats the kinematic controller.
 
     Policies see the observation of YouBot-v0 and command wheel torques.  After training both drive
-    three motions at 1 rad/s on unseen seeds.  Exit status 1: the policy is not better on every
-    one; it is written all the same.  Run it with make(ALGORITHM, model=..., policy=FILE).
+    three motions at 1 rad/s on unseen seeds, and on unseen robots where the world draws them.
+    Exit status 1: the policy is not better on every motion; it is written all the same.  Run it
+    with make(ALGORITHM, model=..., policy=FILE).
     """
     check_words(algorithm, world, resume, checkpoints)
     need("torch", "stable_baselines3", *(["tensorboard"] if tensorboard else []))
@@ -98,8 +99,9 @@ def train(
     wall, cpu = time.perf_counter() - began, time.process_time() - cpu
     done = run.algorithm.num_timesteps - first
     controller = make(algorithm, centre, policy=run.policy())
+    robots = make_world(world, centre)
     with console.progress("exam", 3, "motions") as show:
-        marks = examine(controller, centre, seeds, noise, show=show)
+        marks = examine(controller, *robots, seeds=seeds, noise=noise, show=show)
     passed = all(mark.passed for mark in marks)
 
     history = console.provenance(seed)

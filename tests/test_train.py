@@ -338,8 +338,9 @@ def test_running_a_policy_needs_no_torch(tmp_path):
 @pytest.mark.parametrize("name", shipped_policies())
 def test_shipped_policies_beat_the_kinematic_controller(name):
     shipped = Policy.load(name)
-    robot = load_model(ROOT / "models" / f"{shipped.training['model']}.yaml")
-    marks = examine(make(shipped.algorithm, robot, policy=name), robot, seeds=10, seconds=5)
+    model = load_model(ROOT / "models" / f"{shipped.training['model']}.yaml")
+    robots = make_world(shipped.training["world"], model)
+    marks = examine(make(shipped.algorithm, model, policy=name), *robots, seeds=10, seconds=5)
     assert all(mark.passed for mark in marks)
     assert shipped.training["beats_kinematic"]
     assert shipped.training["wall_seconds"] < 20 * 60

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from controllers import make
 from controllers.base import Controller
 from controllers.evaluation.statistics import Figure, ratio
 from controllers.training.trial import Errors, Trial, drive
+from youbot_env.envs.randomization import Randomization
 from youbot_env.model import Model
 
 MOTIONS = ("multisine", "eight", "circle")
@@ -51,16 +53,19 @@ class Mark:
 def examine(
     controller: Controller,
     robot: Model,
+    randomization: Randomization | None = None,
+    *,
     seeds: int = 100,
     noise: bool = True,
     seconds: float = 10.0,
-    show=None,
+    show: Callable[[int], None] | None = None,
 ) -> list[Mark]:
     """Drive a policy and the kinematic controller along every motion at 1 rad/s.
 
     Args:
         controller: the policy.
         robot: the true robot.
+        randomization: draws other true robots around it, one for each seed.
         seeds: number of runs of each motion.
         noise: whether the observations carry the noise of the sensors.
         seconds: length of a run.
@@ -69,7 +74,7 @@ def examine(
     marks, rival = [], make("kinematic", robot)
     for number, motion in enumerate(MOTIONS, start=1):
         trial = Trial(motion, robots=seeds, noise=noise, seconds=seconds)
-        ours, theirs = (drive(one, trial, robot) for one in (controller, rival))
+        ours, theirs = (drive(one, trial, robot, randomization) for one in (controller, rival))
         times = ratio(theirs.position, ours.position)
         wins = float(np.mean(ours.position < theirs.position))
         marks.append(Mark(trial, ours, theirs, times, wins))

@@ -57,12 +57,12 @@ RECIPES = {
     ),
     "sac": Recipe(
         algorithm="sac",
-        steps=400_000,
-        copies=16,
+        steps=1_600_000,
+        copies=64,
         activation="relu",
         extra={
-            "batch_size": 256, "buffer_size": 400_000, "learning_starts": 4_000, "train_freq": 1,
-            "gradient_steps": 2, "tau": 0.01, "ent_coef": "auto_0.05",
+            "batch_size": 256, "buffer_size": 400_000, "learning_starts": 6_400, "train_freq": 1,
+            "gradient_steps": 4, "tau": 0.01, "ent_coef": "auto_0.05", "target_entropy": -8.0,
         },
     ),
 }  # fmt: skip
