@@ -65,10 +65,11 @@ def evaluate(
 ) -> None:
     """Compare controllers with what they believe about a robot: who tracks how well, and why.
 
-    Robots with hidden effects are drawn; each records a calibration log and is identified from it,
-    with and without the effects.  Controllers follow references with the nominal, the identified
-    and the true model, paired robot by robot.  Without options a selection is run that takes less
-    than five minutes on two cores; with --controller, --reference or --frequency all combinations.
+    Robots with hidden effects (dry wheel friction, yaw scrub and a delay, or those of --effect) are
+    drawn; each records a calibration log and is identified from it, with and without the effects.
+    Controllers follow references with the nominal, the identified and the true model, paired robot
+    by robot.  Without options a selection is run that takes less than five minutes on two cores;
+    with --controller, --reference or --frequency all combinations.
     """
     page_file = None if report is None else report / "index.html"
     console.check_writable(json_file, page_file)

@@ -186,10 +186,10 @@ def test_smoothing_the_pose_costs_nothing_where_nothing_is_noisy():
 
 
 def test_adaptive_control_learns_what_the_nominal_model_lacks():
-    trusting = {"disturbance_time": np.inf}  # leaves to the estimate what an observer would do
-    adaptive, sensors = make("adaptive", NOMINAL, **trusting), Sensors()
+    adaptive, sensors = make("adaptive", NOMINAL), Sensors()
     learned = drive(adaptive, steps=1000, settle=500, sensors=sensors)[0]
-    fixed = drive(make("computed_torque", NOMINAL, **trusting), sensors=sensors)[0]
+    # The fixed controller without its observer too, as the adaptive one has none.
+    fixed = drive(make("computed_torque", NOMINAL, disturbance_time=np.inf), sensors=sensors)[0]
     assert 10 * learned < fixed
     estimate = dict(zip(PAPER.names(), adaptive.estimate(adaptive._memory)[0], strict=True))
     truth = dict(zip(PAPER.names(), PAPER.values(), strict=True))
