@@ -12,6 +12,7 @@ from controllers import make
 from controllers.rl_policy import Policy, find_policy, shipped_policies
 from controllers.training.exam import MOTIONS, Mark, examine
 from controllers.training.transfer import Transfer, saved, transfer
+from controllers.training.trial import FIRST_SEED, Trial
 from controllers.training.worlds import MODELS, make_world
 from youbot_env.envs.randomization import Randomization
 from youbot_env.model import Model
@@ -39,6 +40,7 @@ def evaluate(
     seeds: Annotated[int, typer.Option(min=2, help="Unseen seeds of each motion.")] = 100,
     seconds: Annotated[float, typer.Option(min=3, max=100, help="Length of a run, s.")] = 10.0,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
+    seed: Annotated[int, typer.Option(min=0, help="The first of the seeds.")] = FIRST_SEED,
     json_file: console.Json = None,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the page with its figures.")
@@ -61,7 +63,7 @@ def evaluate(
     policies = {label: Policy.load(name) for label, name in zip(labels, names, strict=True)}
     hidden = load_model(robot or TRUTH).with_effects(console.parse_effects(effect))
 
-    runs = {"seeds": seeds, "noise": noise, "seconds": seconds}
+    trial = Trial(robots=seeds, seconds=seconds, noise=noise, seed=seed)
     exams: dict[str, list[Mark]] = {}
     losses: dict[str, Transfer] = {}
     rounds = 2 * len(policies) + len(OTHERS)
@@ -69,14 +71,14 @@ def evaluate(
         for label, one in policies.items():
             model, drawn = trained_on(one)
             controller = make(one.algorithm, load_model(model_of(one)), policy=one)
-            exams[label] = examine(controller, model, drawn, **runs)
+            exams[label] = examine(controller, model, drawn, trial)
             show(2 * len(losses) + 1)
-            losses[label] = transfer(label, controller, model, hidden, drawn, **runs)
+            losses[label] = transfer(label, controller, model, hidden, drawn, trial)
             show(2 * len(losses))
         for number, (name, belief) in enumerate(OTHERS, start=1):
             model, label = load_model(belief), f"{name}, {Path(belief).stem}"
             rival = make(name, model)
-            losses[label] = transfer(label, rival, model, hidden, **runs)
+            losses[label] = transfer(label, rival, model, hidden, trial=trial)
             show(2 * len(policies) + number)
 
     passed = {label: all(mark.passed for mark in marks) for label, marks in exams.items()}
@@ -89,8 +91,8 @@ def evaluate(
         "transfer": {label: loss.as_dict() for label, loss in losses.items()},
         "worlds": compare_worlds(policies, losses),
         "training": {label: summary(one) for label, one in policies.items()},
-        "motions": MOTIONS, **runs,
-        "provenance": console.provenance(),
+        "motions": MOTIONS, "seeds": seeds, "seconds": seconds, "noise": noise,
+        "provenance": console.provenance(seed),
     }  # fmt: skip
     console.write_json(json_file, record)
     if report is not None:

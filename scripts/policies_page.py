@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from train_page import curves
+from train_page import EXAM_NOTE, curves, millimetres
 
 from controllers.rl_policy import Policy
 from controllers.training.exam import Mark
 from controllers.training.transfer import Transfer
-from ident.report.look import MEASURED, figure
+from ident.report.look import INK, MEASURED, figure
 from ident.report.page import Grid, Page, Picture, Section
 
-HIDDEN = "#c9415c"
 CAPTION = (
     "Left: rms position error of the policies while they learn, settled, multisine at 1 rad/s, on "
     "the robot in the middle of their training; dashed: the kinematic controller on the nominal "
@@ -63,19 +62,17 @@ def exam_grid(exams: dict[str, list[Mark]]) -> Grid:
         (
             label,
             mark.trial.motion,
-            f"{1e3 * mark.policy.position.mean():.2f}",
-            f"{1e3 * mark.kinematic.position.mean():.2f}",
+            *(millimetres(side.position) for side in (mark.policy, mark.kinematic)),
             f"{mark.times.value:.1f} ({mark.times.low:.1f} to {mark.times.high:.1f})",
             f"{100 * mark.wins:.0f}",
-            f"{1e3 * mark.policy.run.mean():.2f}",
-            f"{1e3 * mark.kinematic.run.mean():.2f}",
+            " / ".join(millimetres(side.run) for side in (mark.policy, mark.kinematic)),
         )
         for label, marks in exams.items()
         for mark in marks
     ]
-    head = ("policy", "motion", "policy, mm", "kinematic, mm", "times better, 95 % interval",
-            "seeds won, %", "policy with start, mm", "kinematic with start, mm")  # fmt: skip
-    return Grid(head, rows, "Rms position errors, mean over the seeds.", words=(0, 1))
+    head = ("policy", "motion", "policy, mm", "kinematic, mm", "times better (95 %)",
+            "seeds won, %", "both with start, mm")  # fmt: skip
+    return Grid(head, rows, EXAM_NOTE, words=(0, 1))
 
 
 def transfer_grid(losses: dict[str, Transfer]) -> Grid:
@@ -90,7 +87,7 @@ def transfer_grid(losses: dict[str, Transfer]) -> Grid:
                 f"{np.degrees(loss.heading.mean()):.3f}", f"{loss.lost}",
             )
         )  # fmt: skip
-    head = ("controller", "known robots, mm", "hidden robot, mm", "lost by it, mm, 95 % interval",
+    head = ("controller", "known robots, mm", "hidden robot, mm", "lost by it, mm (95 %)",
             "heading there, deg", "runs lost")  # fmt: skip
     note = (
         "Known: robots of the training, or the model that the controller believes. A loss below "
@@ -106,12 +103,12 @@ def training_grid(policies: dict[str, Policy]) -> Grid:
         record, last = one.training, one.training.get("last_session", {})
         rows.append(
             (
-                label, record.get("provenance", {}).get("command", ""),
-                f"{record.get('steps', 0) / 1e6:.2g}", f"{record.get('wall_seconds', 0) / 60:.1f}",
-                f"{last.get('cpu_seconds', 0) / 60:.1f}", f"{last.get('steps_per_second', 0):,.0f}",
+                label, record.get("provenance", {}).get("command", "").partition(".py ")[2],
+                f"{record.get('wall_seconds', 0) / 60:.1f}",
+                f"{last.get('cpu_seconds', 0) / 60:.1f}",
             )
         )  # fmt: skip
-    head = ("policy", "command", "million steps", "wall, min", "processor, min", "steps/s")
+    head = ("policy", "options of scripts/train.py", "wall, min", "processor, min")
     return Grid(head, rows, "Weights, normalisation and curve are in the policy files.", (0, 1))
 
 
@@ -125,14 +122,14 @@ def policies_figure(canvas, policies, exams, losses) -> None:
     rows = np.arange(len(losses))[::-1]
     for row, loss in zip(rows, losses.values(), strict=True):
         told = loss.as_dict()
-        for shift, key, colour in ((0.18, "known_m", MEASURED), (-0.18, "hidden_m", HIDDEN)):
+        for shift, key, colour in ((0.18, "known_m", MEASURED), (-0.18, "hidden_m", INK)):
             value, (low, high) = told[key]["value"], told[key]["ci95"]
             right.barh(row + shift, 1e3 * value, 0.32, color=colour)
-            right.plot([1e3 * low, 1e3 * high], [row + shift] * 2, color="black", linewidth=1)
+            right.plot([1e3 * low, 1e3 * high], [row + shift] * 2, color="#b0b6be", linewidth=1.2)
     right.set_yticks(rows, [label.replace(", ", "\n") for label in losses])
     right.set_xlabel("position error, mm")
     right.grid(visible=False, axis="y")
-    for name, colour in (("known robots", MEASURED), ("hidden robot", HIDDEN)):
+    for name, colour in (("known robots", MEASURED), ("hidden robot", INK)):
         right.barh(np.nan, np.nan, color=colour, label=name)
     right.legend(loc="lower right")
     canvas.tight_layout()

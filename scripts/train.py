@@ -84,6 +84,7 @@ def train(
     from controllers.training.export import write_onnx
     from controllers.training.learn import Run
     from controllers.training.recipe import RECIPES
+    from controllers.training.trial import Trial
 
     recipe = RECIPES[algorithm]
     recipe = replace(
@@ -101,7 +102,7 @@ def train(
     controller = make(algorithm, centre, policy=run.policy())
     robots = make_world(world, centre)
     with console.progress("exam", 3, "motions") as show:
-        marks = examine(controller, *robots, seeds=seeds, noise=noise, show=show)
+        marks = examine(controller, *robots, Trial(robots=seeds, noise=noise), show)
     passed = all(mark.passed for mark in marks)
 
     history = console.provenance(seed)

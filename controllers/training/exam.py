@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from youbot_env.envs.randomization import Randomization
 from youbot_env.model import Model
 
 MOTIONS = ("multisine", "eight", "circle")
+TRIAL = Trial()
 
 
 @dataclass(frozen=True)
@@ -54,30 +55,25 @@ def examine(
     controller: Controller,
     robot: Model,
     randomization: Randomization | None = None,
-    *,
-    seeds: int = 100,
-    noise: bool = True,
-    seconds: float = 10.0,
+    trial: Trial = TRIAL,
     show: Callable[[int], None] | None = None,
 ) -> list[Mark]:
-    """Drive a policy and the kinematic controller along every motion at 1 rad/s.
+    """Drive a policy and the kinematic controller along every motion.
 
     Args:
         controller: the policy.
         robot: the true robot.
         randomization: draws other true robots around it, one for each seed.
-        seeds: number of runs of each motion.
-        noise: whether the observations carry the noise of the sensors.
-        seconds: length of a run.
+        trial: seeds, length and noise; its motion is replaced.
         show: called with the number of motions done.
     """
     marks, rival = [], make("kinematic", robot)
     for number, motion in enumerate(MOTIONS, start=1):
-        trial = Trial(motion, robots=seeds, noise=noise, seconds=seconds)
-        ours, theirs = (drive(one, trial, robot, randomization) for one in (controller, rival))
+        chosen = replace(trial, motion=motion)
+        ours, theirs = (drive(one, chosen, robot, randomization) for one in (controller, rival))
         times = ratio(theirs.position, ours.position)
         wins = float(np.mean(ours.position < theirs.position))
-        marks.append(Mark(trial, ours, theirs, times, wins))
+        marks.append(Mark(chosen, ours, theirs, times, wins))
         if show is not None:
             show(number)
     return marks

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from controllers.base import Controller
 from controllers.evaluation.statistics import Figure, mean, ratio
-from controllers.training.exam import MOTIONS
+from controllers.training.exam import MOTIONS, TRIAL
 from controllers.training.trial import Trial, drive
 from youbot_env.envs.randomization import Randomization
 from youbot_env.model import Model
@@ -57,12 +57,9 @@ def transfer(
     known: Model,
     hidden: Model,
     randomization: Randomization | None = None,
-    *,
-    seeds: int = 100,
-    noise: bool = True,
-    seconds: float = 10.0,
+    trial: Trial = TRIAL,
 ) -> Transfer:
-    """Drive every motion at 1 rad/s on both robots, once for every seed.
+    """Drive every motion on both robots, once for every seed.
 
     Args:
         label: which controller.
@@ -70,13 +67,11 @@ def transfer(
         known: the robot in the middle of its training, or the model it believes.
         hidden: the other robot.
         randomization: draws the robots of its training around the known one.
-        seeds: runs of each motion.
-        noise: whether the observations carry the noise of the sensors.
-        seconds: length of a run.
+        trial: seeds, length and noise; its motion is replaced.
     """
-    trials = [Trial(m, robots=seeds, noise=noise, seconds=seconds) for m in MOTIONS]
-    before = [drive(controller, trial, known, randomization) for trial in trials]
-    after = [drive(controller, trial, hidden) for trial in trials]
+    trials = [replace(trial, motion=motion) for motion in MOTIONS]
+    before = [drive(controller, one, known, randomization) for one in trials]
+    after = [drive(controller, one, hidden) for one in trials]
     return Transfer(
         label,
         _rms([errors.position for errors in before]),

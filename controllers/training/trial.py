@@ -35,7 +35,7 @@ class Trial:
         seed: the first seed.
     """
 
-    motion: str
+    motion: str = "multisine"
     frequency: float = 1.0
     robots: int = 100
     seconds: float = 10.0
