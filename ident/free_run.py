@@ -16,14 +16,16 @@ import numpy as np
 
 from ident.log import Log
 from ident.signals import body_velocity, wheel_angles
-from youbot_env.backend import NUMPY
+from youbot_env.backend import FLOAT, NUMPY
 from youbot_env.compiled import advance_function
 from youbot_env.effects.base import Signals
 from youbot_env.model import Model
-from youbot_env.plant import Robot, Structure
+from youbot_env.plant import Robot, State, Structure
 from youbot_env.simulation.analytic import choose_substeps, history_length
 
 WINDOW = 5.0
+# Long enough for lags and bristles to follow what is held, s.
+RELAXED = 10.0
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,7 @@ def cut_windows(log: Log, model: Model, window: float = WINDOW) -> Windows:
     history = history_length(structure, delay, dt)
     length = max(1, round(window / dt))
     starts, blocks, index, clocks, steps, angles = [], [], [], [], [], []
+    robot = structure.bind(model.values())
     velocity, offset, command = log.velocity(), 0, log.command
     turned = wheel_angles(log) if structure.track_wheels else np.empty((len(log.time), 0))
     for piece in log.pieces():
@@ -115,7 +118,9 @@ def cut_windows(log: Log, model: Model, window: float = WINDOW) -> Windows:
             rows = offset + begin + np.arange(length)
             pose = (0.0, 0.0, 0.0) if log.pose is None else log.pose[rows[0]]
             rest = structure.rest(tuple(pose), tuple(velocity[rows[0]]))
-            starts.append(structure.flatten(rest._replace(wheel_angle=tuple(turned[rows[0]]))))
+            state = rest._replace(wheel_angle=tuple(turned[rows[0]]))
+            before = command[max(rows[0] - 1, offset)]
+            starts.append(structure.flatten(_relaxed(robot, state, before)))
             angles.append(turned[rows])
             blocks.append(command[offset + past[begin : begin + length]].reshape(length, -1))
             clocks.append(log.time[rows] - log.time[0])
@@ -148,6 +153,14 @@ def free_run(log: Log, model: Model, window: float = WINDOW) -> FreeRun:
     simulated = _shown(log, model, windows, states)
     number = np.repeat(np.arange(len(windows.index)), windows.index.shape[1])
     return FreeRun(log.time[rows], simulated, log.velocity()[rows], number)
+
+
+def _relaxed(robot: Robot, state: State, command: np.ndarray) -> State:
+    """The state with the effects' own states as a held command and velocity leave them."""
+    if not any(state.internal):
+        return state
+    s = robot.signals(0.0, state.velocity, state.pose, state.wheel_angle, tuple(command), FLOAT)
+    return state._replace(internal=robot.deliver(s, state.internal, RELAXED, FLOAT)[1])
 
 
 def seen_by_sensors(robot: Robot, s: Signals, log: Log) -> tuple:

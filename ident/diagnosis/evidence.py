@@ -30,7 +30,9 @@ RATE = 25.0
 # Shrinks the coefficients of dependences, which have many.
 RIDGE = 1e-3
 DRAWS = 999
-# Windows that a test needs for each coefficient; with fewer its law is no longer Fisher's.
+# Stretches of about this length, s, longer than the robot remembers, are taken as independent.
+STRETCH = 0.8
+# Stretches that a test needs for each coefficient; with fewer its law is no longer Fisher's.
 CLUSTERS_EACH = 3
 
 
@@ -56,6 +58,7 @@ class Evidence:
     dependences: tuple[Dependence, ...]
     columns: tuple[np.ndarray, ...]
     grams: np.ndarray
+    scores: np.ndarray
     scale: np.ndarray
     role: np.ndarray
     log: np.ndarray
@@ -81,7 +84,7 @@ class Evidence:
         directions = free_directions(model)
         moving = np.any(directions != 0, axis=1)
         pairs = [pair for trial in found for pair in trial.pairs]
-        grams, role, log = [], [], []
+        grams, role, log, tested = [], [], [], []
         for number, (part, sim) in enumerate(zip(parts, simulations, strict=True)):
             own = sim.value_columns(moving) @ directions[moving]
             traces, mixed, at = sim.model_columns(pairs), [], 0
@@ -92,7 +95,10 @@ class Evidence:
             forced = sim.force_columns([wrench for wrenches in made for wrench in wrenches])
             wide = [own, *mixed, forced, sim.residual[..., None]]
             rows = _averaged(sim, np.concatenate(wide, axis=-1) * part.weights[:, None])
-            grams.append(rows.transpose(0, 2, 1) @ rows)
+            flat = rows.reshape(len(rows), -1, rows.shape[-1])
+            grams.append(flat.transpose(0, 2, 1) @ flat)
+            if part.windows(FIT).any():
+                tested.append(_stretches(rows[part.windows(FIT)], sim))
             role.append(part.role)
             log.append(np.full(len(part.role), number))
         grams = np.concatenate(grams)
@@ -107,8 +113,20 @@ class Evidence:
         by = np.append(scale, 1.0)
         grams = grams / np.outer(by, by)
         role, log = np.concatenate(role), np.concatenate(log)
+        everything = grams[role == FIT].sum(axis=0)
+        share = Reduced.of(everything, everything, base).share
+        scores = np.concatenate([_scores(rows / by, share, base) for rows in tested])
         return cls(
-            model, tuple(found), tuple(generic), tuple(columns), grams, scale, role, log, base
+            model,
+            tuple(found),
+            tuple(generic),
+            tuple(columns),
+            grams,
+            scores,
+            scale,
+            role,
+            log,
+            base,
         )
 
     def total(self, windows: np.ndarray) -> np.ndarray:
@@ -189,7 +207,7 @@ class Evidence:
         return self._fitted.solve(mine - self.base) / self.scale[mine]
 
     def scatter(self, number: int) -> np.ndarray:
-        """(k, k) covariance of the coefficients, from the scatter of scores between windows.
+        """(k, k) covariance of the coefficients, from the scatter of scores between stretches.
 
         Small effects leave the errors of the base model in the scores, as a test of their absence
         should; after an effect is added its interval comes from the refined model.
@@ -212,33 +230,17 @@ class Evidence:
         inner = self._fitted.fit[np.ix_(mine, mine)]
         return float(along @ inner @ along) / self._fitted.before
 
-    @cached_property
-    def scores(self) -> np.ndarray:
-        """(W, n - base - 1) score of every column in each window for fitting.
-
-        Columns and errors are orthogonal to the base columns.
-        """
-        grams, b, share = self.grams[self.role == FIT], self.base, self._fitted.share
-        own, error = share[:, :-1], share[:, -1]
-        inner = grams[:, :b, :b]
-        return (
-            grams[:, b:-1, -1]
-            - grams[:, :b, -1] @ own
-            - grams[:, b:-1, :b] @ error
-            + (inner @ error) @ own
-        )
-
     def p_values(self, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """P values of everything tried, by effect and adjusted for all effects.
 
-        Wild cluster bootstrap of the scores: signs of whole windows are drawn anew, and the
+        Wild cluster bootstrap of the scores: signs of whole stretches are drawn anew, and the
         smallest p value that all forms of an effect reach in a draw is compared with that of each
-        form.  It covers errors that are correlated within windows, the forms, and profiles of
+        form.  It covers errors that are correlated within stretches, the forms, and profiles of
         parameters that only exist with the effect.  Over effects the rate of false discoveries is
         controlled (Benjamini-Hochberg): where nothing is hidden that is the rate of any false name.
         """
         rng = np.random.default_rng(seed)
-        count = int(np.count_nonzero(self.role == FIT))
+        count = len(self.scores)
         signs = rng.choice([-1.0, 1.0], (DRAWS, count))
         single, drawn = np.ones(len(self.columns)), np.ones((len(self.columns), DRAWS))
         for trial in range(len(self.columns)):
@@ -269,15 +271,34 @@ class Evidence:
         return within, adjusted
 
 
+def _stretches(rows: np.ndarray, sim: Linearised) -> np.ndarray:
+    """Rows (W, l, m, n) of windows as rows (stretches, r, n)."""
+    windows, length, _, count = rows.shape
+    parts = max(1, round(length * _together(sim) * sim.log.dt / STRETCH))
+    length -= length % parts
+    return rows[:, :length].reshape(windows * parts, -1, count)
+
+
+def _together(sim: Linearised) -> int:
+    """Samples that are averaged to one row."""
+    return max(1, round(1.0 / (RATE * sim.log.dt)))
+
+
+def _scores(rows: np.ndarray, share: np.ndarray, base: int) -> np.ndarray:
+    """(stretches, n - base - 1) inner products of columns and errors, less what the base takes."""
+    left = rows[..., base:] - rows[..., :base] @ share
+    return np.einsum("srk,sr->sk", left[..., :-1], left[..., -1], optimize=True)
+
+
 def _averaged(sim: Linearised, rows: np.ndarray) -> np.ndarray:
-    """Settled samples (W, L, m, n) averaged to about RATE, as rows (W, l m, n)."""
+    """Settled samples (W, L, m, n) averaged to about RATE, as rows (W, l, m, n)."""
     rows = settled(sim, rows)
-    together = max(1, round(1.0 / (RATE * sim.log.dt)))
+    together = _together(sim)
     count = rows.shape[1] // together
     rows = rows[:, : count * together].reshape(len(rows), count, together, *rows.shape[2:])
     # A mean over k samples of white noise has k times less variance: each row stands for k.
     rows = rows.mean(axis=2) * np.sqrt(together)
-    return np.nan_to_num(rows.reshape(len(rows), -1, rows.shape[-1]))
+    return np.nan_to_num(rows)
 
 
 def _whitened(scores: np.ndarray) -> np.ndarray:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import null_space
 
+from ident.log import Log
 from ident.output_error import settled
 from ident.sensitivity import Linearised
 
@@ -11,6 +13,8 @@ from ident.sensitivity import Linearised
 AMPLIFIED = 6.0
 # Median of |x| of a normal variable in standard deviations.
 MEDIAN = 0.6745
+# Mean squared contradiction of the wheels, in units of their noise, from which they disagree.
+CONTRADICTION = 2.0
 
 
 def noise_floor(sim: Linearised, weights: np.ndarray) -> tuple[float, np.ndarray]:
@@ -33,6 +37,22 @@ def noise_floor(sim: Linearised, weights: np.ndarray) -> tuple[float, np.ndarray
     followed = settled(sim, sim.force_columns([wrench])[..., 0])
     total = own + np.mean(followed**2, axis=(0, 1))
     return float(np.mean(total * weights**2)), total
+
+
+def wheels_agree(log: Log) -> bool:
+    """Tell whether the wheels contradict each other by no more than their noise.
+
+    More wheels than freedoms are bound by ideal rolling.  Where they keep to it, rollers and slip
+    cannot be what a model leaves unexplained; where they do not, or cannot show it, they may be.
+    """
+    if log.wheel_velocity is None:
+        return False
+    free = null_space(log.platform.jacobian_array.T)
+    if free.shape[1] == 0:
+        return False
+    noise = [_white(log.pieces(), log.wheel_velocity, k) for k in range(len(free))]
+    expected = float(np.mean(np.array(noise) @ free**2))
+    return float(np.mean((log.wheel_velocity @ free) ** 2)) < CONTRADICTION * expected
 
 
 def _white(pieces: list, signal: np.ndarray, column: int) -> float:

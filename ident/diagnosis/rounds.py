@@ -19,6 +19,9 @@ from youbot_env.model import Model
 # with real rollers and nothing hidden feign up to 4 %.
 LEAST_GAIN = 0.06
 SIGNIFICANT = 0.05
+# What acts in a few moments only cannot be significant by the signs of many; removing this share of
+# the squared error where it was not fitted is evidence enough.
+OVERWHELMING = 0.5
 # Estimates may miss a bound by this share of the typical size.
 SLACK = 0.25
 # Where more than this share of the error that noise does not explain would be left, something
@@ -90,6 +93,11 @@ class Round:
     def error(self) -> float:
         """Mean squared scaled error of the fitted windows."""
         return float(self.loss[self.evidence.role == FIT].mean())
+
+    @property
+    def excess(self) -> float:
+        """Mean squared scaled error of the fitted windows beyond what noise explains."""
+        return max(self.error - self.floor, 0.0)
 
     def trial(self, number: int) -> Trial:
         """The trial of a number."""
@@ -172,7 +180,7 @@ class Round:
             k
             for k, trial in enumerate(self.evidence.trials)
             if self.gains[k] * min(1.0, self.error / self.origin) > LEAST_GAIN
-            and self.p[k] < SIGNIFICANT
+            and (self.p[k] < SIGNIFICANT or self.gains[k] > OVERWHELMING)
             and trial.possible(self.evidence.coefficients(k), SLACK)
         ]
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ident.diagnosis.dependence import dependences
 from ident.diagnosis.fitness import unfit
+from ident.diagnosis.floor import wheels_agree
 from ident.diagnosis.parts import FEWEST, FIT, SELECT, Part, divide, weigh
 from ident.diagnosis.power import Reach, reach
 from ident.diagnosis.rivals import Candidate, candidate, refit, window_losses
@@ -23,6 +24,9 @@ from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
 MOST_EFFECTS = 3
+# Where the wheels agree with each other: errors from this many times the noise on are not noise,
+# and effects that leave more than this share of such an error are not what is missing.
+UNEXPLAINED, REMAINDER = 3.0, 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +189,7 @@ def diagnose(
         errors = free_run_errors(parts, chain, first.simulations[-1])
     last = chain[-1][1]
     steps.sort(key=lambda step: step.background)
-    verdict, reason = _judge(steps, errors, outside, now)
+    verdict, reason = _judge(steps, errors, outside, first, now)
     return Diagnosis(
         log=name,
         verdict=verdict,
@@ -271,13 +275,23 @@ def _confirmed(errors: FreeRunErrors) -> np.ndarray:
     return np.diff(errors.remaining**2) < -least * errors.remaining[:-1] ** 2
 
 
-def _judge(steps: list[Step], errors: FreeRunErrors, outside: bool, last: Round) -> tuple[str, str]:
+def _judge(
+    steps: list[Step], errors: FreeRunErrors, outside: bool, first: Round, last: Round
+) -> tuple[str, str]:
     """Return verdict and reason."""
     real = [step for step in steps if not step.background]
     fall = f"free-run error {100 * errors.before:.3g} % to {100 * errors.after:.3g} %"
+    signals = ", ".join(signal for signal, _ in last.dependences()) or "no signal that was tried"
+    names = ", ".join(step.best.identifier for step in real)
+    left = last.excess / max(first.excess, 1e-300)
+    rolling = not wheels_agree(first.parts[0].log)
     if outside:
-        signals = ", ".join(signal for signal, _ in last.dependences())
         return "outside_library", f"the error depends on {signals}, as no effect explains"
+    if not real and not rolling and first.excess > UNEXPLAINED * first.floor:
+        return "outside_library", (
+            f"the free-run error, {100 * errors.before:.3g} %, is far above the "
+            f"{100 * errors.floor:.3g} % of noise, and no effect lowers it; it depends on {signals}"
+        )
     if not real:
         background = "".join(f"; {s.best.identifier} is there, as on real rollers" for s in steps)
         return "nothing_missing", (
@@ -285,11 +299,15 @@ def _judge(steps: list[Step], errors: FreeRunErrors, outside: bool, last: Round)
             f"fitted{background}"
         )
     if errors.remaining[-1] >= 1.0:
-        names = ", ".join(step.best.identifier for step in real)
         return "cannot_say", (
             f"{names} fit, but not what was kept for the end ({fall}); record another motion"
+        )
+    if not rolling and left > REMAINDER and last.excess > last.floor:
+        return "outside_library", (
+            f"{names} fit best, but leave {100 * left:.0f} % of what noise does not explain; the "
+            f"wheels agree, so it is not the rollers; it depends on {signals}"
         )
     doubtful = [step for step in real if len(step.group) > 1]
     if doubtful:
         return "ambiguous", f"{', '.join(doubtful[0].group)} explain the log alike; {fall}"
-    return "named", f"{', '.join(step.best.identifier for step in real)}; {fall}"
+    return "named", f"{names}; {fall}"
