@@ -100,7 +100,7 @@ class Run:
     def resume(self) -> None:
         """Go on from the checkpoint in ``checkpoints``.
 
-        What was learned is restored to the bit; the episodes in progress, and the memory of SAC,
+        What was learned, and the memory of SAC, are restored to the bit; the episodes in progress
         start anew, with seeds of their own.
 
         Raises:
