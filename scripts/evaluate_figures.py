@@ -68,8 +68,10 @@ def references_figure(canvas, results: Results) -> None:
         row[0].set_ylabel(f"{reference}\nposition error, mm")
     for axis, plant in zip(axes[0], plants, strict=True):
         axis.set_title(PLANTS[plant])
-    for axis in axes[-1]:
-        axis.set_xlabel("frequency of the motion, rad/s")
+    for column in axes.T:
+        lowest = [axis for axis in column if axis.axison][-1]
+        lowest.set_xlabel("frequency of the motion, rad/s")
+        lowest.tick_params(labelbottom=True)
     _finish(canvas, axes, 0.885, 0.1)
 
 

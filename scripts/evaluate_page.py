@@ -127,7 +127,8 @@ def over_frequency(results: Results) -> Section:
     if len(results.of("reference")) > 1:
         caption = (
             "The same for every reference. Steps of the velocity ask for more than any drive can "
-            "do: there the controllers differ by how they come back."
+            "do: there the controllers differ by how they come back (at 0.1 rad/s no step falls into "
+            "the measured time)."
         )
         blocks.append(Picture("references", references_figure(results), caption))
     return Section("Error over frequency", blocks)

@@ -64,7 +64,7 @@ def errors_by_frequency(
             one = which | {"controller": controller, "model": model}
             cells = [results.robots(metric, frequency=w, **one) for w in frequencies]
             if any(len(cell) for cell in cells):
-                means = (f"{scale * cell.mean():.2f}" for cell in cells)
+                means = (f"{scale * cell.mean():.2f}" if len(cell) else "" for cell in cells)
                 rows.append((named(controller, model), *means))
     return ("rad/s", *(f"{w:g}" for w in frequencies)), rows
 
