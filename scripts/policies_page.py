@@ -33,7 +33,11 @@ def policies_page(
     worlds = record["worlds"]
     lead = f"{record['seeds']} unseen seeds of each motion at 1 rad/s, paired."
     if worlds:
-        lead += f" On the hidden robot PPO trained on {worlds['best_on_hidden']} robots is best."
+        lead += (
+            f" On the hidden robot PPO trained on {worlds['best_on_hidden']} robots has the "
+            f"smallest error; against the robots of its own training, the one trained on "
+            f"{worlds['least_degradation']} robots loses least."
+        )
     return Page(
         title="Trained policies",
         verdict="Every policy beats the kinematic controller at 1 rad/s"
@@ -91,7 +95,8 @@ def transfer_grid(losses: dict[str, Transfer]) -> Grid:
             "heading there, deg", "runs lost")  # fmt: skip
     note = (
         "Known: robots of the training, or the model that the controller believes. A loss below "
-        "zero: the hidden robot is easier than those of the training."
+        "zero: the hidden robot is easier than those of the training. Intervals are over the runs "
+        "of one hidden robot and one training each; another training may differ by more."
     )
     return Grid(head, rows, note)
 
