@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -12,10 +13,14 @@ from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.parts import FIT, SELECT, VERIFY, Part
 from ident.output_error import OutputError, refine, scaled_error
 from ident.sensitivity import Linearised
+from youbot_env.effects import get_effect
 from youbot_env.model import Model
 
 # A rival with a chance above this to be as good as the best cannot be told from it.
 CHANCE = 0.05
+# Effects that make the drive late smooth the noise of its record, each in its own way.  That feigns
+# up to this share of what they explain.
+FEIGNED = 0.1
 # Gauss-Newton steps of a refinement; the start is close.
 STEPS = 8
 
@@ -41,6 +46,14 @@ class Candidate:
     loss: np.ndarray
     optimism: float
     count: int
+
+    @property
+    def late(self) -> bool:
+        """Whether the effect delays the drive input."""
+        effect = get_effect(self.identifier)
+        return effect.acts("delay") or math.isfinite(
+            effect.time_constant(effect.arrange(self.model.effects[-1].values, self.model.platform))
+        )
 
     @property
     def model(self) -> Model:
@@ -73,7 +86,7 @@ def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate |
     active = refined.model.effects[-1]
     if not active.effect.plausible(active.values):
         return None
-    optimism = max(0.0, evidence.explained(number) - evidence.gain(number))
+    optimism = evidence.optimism(number)
     count = trial.mix.shape[1] + sum(not p.linear and p.smooth for p in active.effect.parameters)
     loss = window_losses(parts, simulations)
     return Candidate(trial.identifier, number, refined, simulations, loss, optimism, count)
@@ -90,22 +103,25 @@ def ranked(found: list[Candidate], role: np.ndarray, before: np.ndarray) -> list
         role: (W,) roles of the windows.
         before: (W,) losses without any of them.
     """
-    group = found
-    if np.any(role == SELECT):
-        group = _alike(group, role == SELECT, lambda c: c.loss)
-    typical = {kind: before[role == kind].mean() for kind in (FIT, SELECT) if np.any(role == kind)}
+    scale = np.ones(len(role))
+    for kind in (FIT, SELECT):
+        if np.any(role == kind):
+            scale[role == kind] = before[role == kind].mean()
 
     def loss(c: Candidate) -> np.ndarray:
-        return c.loss + np.where(role == FIT, c.optimism * typical[FIT], 0.0)
+        return c.loss / scale + np.where(role == FIT, c.optimism, 0.0)
 
-    scale = np.where(role == SELECT, typical.get(SELECT, 1.0), typical[FIT])
-    return _alike(group, role != VERIFY, lambda c: loss(c) / scale)
+    group = _alike(found, role == SELECT, loss) if np.any(role == SELECT) else found
+    return _alike(group, role != VERIFY, loss)
 
 
 def _alike(
     found: list[Candidate], windows: np.ndarray, loss: Callable[[Candidate], np.ndarray]
 ) -> list[Candidate]:
-    """Those within chance of the best on some windows, best first."""
+    """Those within chance of the best on some windows, best first.
+
+    Losses are in units of the mean loss without any of them.
+    """
     count = np.count_nonzero(windows)
     losses = [loss(c)[windows] for c in found]
     score = [
@@ -118,6 +134,8 @@ def _alike(
     for k in order[1:]:
         gap = losses[k] - best
         spread = gap.std(ddof=1) / np.sqrt(count)
-        if stats.t.sf(gap.mean() / max(spread, 1e-15), count - 1) > CHANCE:
+        chance = stats.t.sf(gap.mean() / max(spread, 1e-15), count - 1)
+        feigned = FEIGNED * (1.0 - best.mean())
+        if chance > CHANCE or (found[k].late and kept[0].late and gap.mean() < feigned):
             kept.append(found[k])
     return kept

@@ -29,6 +29,8 @@ SLACK = 0.25
 PREVAILING, SIZEABLE = 0.5, 0.5
 # Refined are trials with at least this share of the best gain, and at most so many effects.
 WORTH, MOST = 0.4, 6
+# Also refined are trials that explain this share of what the best explains where it is fitted.
+AS_WELL = 0.85
 # A dependence that removes this share of the error while no effect passes, or that leaves less
 # than this share of what the best effect leaves, shows that something else is missing.
 TELLING, OUTSIDE = 0.15, 0.6
@@ -105,22 +107,38 @@ class Round:
 
     def background(self) -> int | None:
         """The best trial of an effect that every robot has some of, if one passes."""
-        passing = [k for k in self._passing() if self.trial(k).effect.background]
+        passing = [
+            k for k in self._admissible() if self._gained(k) and self.trial(k).effect.background
+        ]
         return max(passing, key=lambda k: self.gains[k]) if passing else None
 
     def worth_refining(self) -> list[int]:
-        """Trials that pass, the best form of each effect, best first."""
+        """Trials that pass, and those that fit as well as the best of them; best first."""
+        passing = [k for k in self._admissible() if self._gained(k) and self._named(k)]
+        found = self._best_forms(passing)
+        if not found:
+            return []
+        explained = self.evidence.explained
+        least = AS_WELL * explained(found[0])
+        known = {self.trial(k).identifier for k in found}
+        rivals = [
+            k
+            for k in self._admissible()
+            if self._named(k) and self.trial(k).identifier not in known and explained(k) > least
+        ]
+        worth = [k for k in found if self.gains[k] >= WORTH * self.gains[found[0]]]
+        return (worth + self._best_forms(rivals))[:MOST]
+
+    def _best_forms(self, numbers: list[int]) -> list[int]:
+        """The best form of each effect, best first."""
         best: dict[str, int] = {}
-        for k in self._passing():
+        for k in numbers:
             trial = self.trial(k)
-            if trial.effect.background or not self.credible(k):
-                continue
             old = best.get(trial.identifier)
             handicap = SPLIT * (trial.per_wheel - (old is not None and self.trial(old).per_wheel))
             if old is None or self.gains[k] > self.gains[old] + handicap:
                 best[trial.identifier] = k
-        found = sorted(best.values(), key=lambda k: -self.gains[k])
-        return [k for k in found if self.gains[k] >= WORTH * self.gains[found[0]]][:MOST]
+        return sorted(best.values(), key=lambda k: -self.gains[k])
 
     def choose(self) -> list[Candidate]:
         """The group that fits best, refined; empty where nothing passes."""
@@ -175,14 +193,20 @@ class Round:
             found.loss[k].mean() < (1 - 0.5 * LEAST_GAIN) * self.loss[k].mean() for k in kinds
         )
 
-    def _passing(self) -> list[int]:
+    def _admissible(self) -> list[int]:
+        """Trials that are significant with sizes that are possible."""
         return [
             k
             for k, trial in enumerate(self.evidence.trials)
-            if self.gains[k] * min(1.0, self.error / self.origin) > LEAST_GAIN
-            and (self.p[k] < SIGNIFICANT or self.gains[k] > OVERWHELMING)
+            if (self.p[k] < SIGNIFICANT or self.gains[k] > OVERWHELMING)
             and trial.possible(self.evidence.coefficients(k), SLACK)
         ]
+
+    def _gained(self, number: int) -> bool:
+        return self.gains[number] * min(1.0, self.error / self.origin) > LEAST_GAIN
+
+    def _named(self, number: int) -> bool:
+        return not self.trial(number).effect.background and self.credible(number)
 
     def _gain_of(self, found: Candidate) -> float:
         fitted = self.evidence.role == FIT

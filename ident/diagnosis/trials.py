@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import null_space
 
+from ident.diagnosis.orders import strongest_orders
 from ident.log import Log
 from youbot_env.effects import Effect, Parameter, effect_names, get_effect
 from youbot_env.model import Model
@@ -69,20 +70,21 @@ class Trial:
 
 def trials(model: Model, log: Log) -> list[Trial]:
     """Everything worth trying on top of a model with a log like this one."""
+    orders = strongest_orders(log, model)
     present = {active.identifier for active in model.effects}
     found = []
     for identifier in effect_names():
         effect = get_effect(identifier)
         if identifier not in present and effect.seen_by_wheels:
-            found += _forms(effect, model, log)
+            found += _forms(effect, model, log, orders)
     return found
 
 
-def _forms(effect: Effect, model: Model, log: Log) -> Iterator[Trial]:
+def _forms(effect: Effect, model: Model, log: Log, orders: tuple) -> Iterator[Trial]:
     linear = [p for p in effect.parameters if p.linear]
     curved = [p for p in effect.parameters if not p.linear]
     if linear:
-        for fixed in _profiles(curved, log):
+        for fixed in _profiles(curved, log, orders):
             zero = dict.fromkeys((p.name for p in linear), 0.0) | fixed
             if not any(p.contrast for p in linear):
                 yield _linear_form(effect, model, zero, linear, False)
@@ -92,7 +94,7 @@ def _forms(effect: Effect, model: Model, log: Log) -> Iterator[Trial]:
     if curved[0].per_wheel:
         yield _wheel_form(effect, model, curved[0])
         return
-    for values in _profiles(curved, log):
+    for values in _profiles(curved, log, orders):
         size = values[curved[0].name]
         other = model.with_effects({effect.identifier: values})
         yield Trial(
@@ -142,7 +144,7 @@ def _wheel_form(effect: Effect, model: Model, parameter: Parameter) -> Trial:
                  np.eye(len(names)), True)  # fmt: skip
 
 
-def _profiles(curved: list[Parameter], log: Log) -> Iterator[dict[str, float]]:
+def _profiles(curved: list[Parameter], log: Log, orders: tuple) -> Iterator[dict[str, float]]:
     """Values of the nonlinear parameters: each over its profile, the others at their first."""
     if not curved:
         yield {}
@@ -152,6 +154,7 @@ def _profiles(curved: list[Parameter], log: Log) -> Iterator[dict[str, float]]:
         "command": float(np.sqrt(np.mean(log.command**2))),
         "peak": float(np.abs(log.command).max()),
         "duration": log.duration,
+        "order": None,
     }
     grids = {}
     for parameter in curved:
@@ -160,6 +163,8 @@ def _profiles(curved: list[Parameter], log: Log) -> Iterator[dict[str, float]]:
         low, high = parameter.bounds
         # A typical size of zero has no multiples; its profile is in the parameter's own unit.
         sizes = [share * (scale or 1.0) for share in parameter.profile]
+        if parameter.profile_unit == "order":
+            sizes = [parameter.default, *orders]
         grids[parameter.name] = [size for size in sizes if low <= size <= high] or [
             parameter.default
         ]

@@ -41,7 +41,8 @@ class Parameter:
         profile: sizes that a search tries where the law is not linear in the parameter, in units
             of ``profile_unit``.
         profile_unit: ``default`` (the typical size), ``command`` (rms of the drive input),
-            ``peak`` (its largest value) or ``duration`` (of the record).
+            ``peak`` (its largest value) or ``duration`` (of the record).  ``order``: no profile but
+            the orders of the wheel angle at which a record repeats.
         smooth: whether the law has a derivative in the parameter; where it has none the parameter
             stays at the best of its profile.
     """

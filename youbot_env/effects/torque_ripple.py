@@ -25,8 +25,7 @@ class TorqueRipple(Effect):
             6.0,
             (0.5, 300.0),
             linear=False,
-            profile=(1 / 6, 1 / 3, 0.5, 2 / 3, 1.0, 4 / 3, 2.0),
-            smooth=False,
+            profile_unit="order",
         ),
     )
     regime = "repeats with the wheel angle"
