@@ -46,6 +46,7 @@ def train(
     ] = None,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
     seeds: Annotated[int, typer.Option(min=2, help="Unseen seeds of the final exam.")] = 100,
+    seconds: Annotated[float, typer.Option(min=3, max=100, help="Length of its runs, s.")] = 10.0,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="Policy; runs/train/... if left.")
     ] = None,
@@ -102,7 +103,9 @@ def train(
     controller = make(algorithm, centre, policy=run.policy())
     robots = make_world(world, centre)
     with console.progress("exam", 3, "motions") as show:
-        marks = examine(controller, *robots, Trial(robots=seeds, noise=noise), show)
+        marks = examine(
+            controller, *robots, Trial(robots=seeds, seconds=seconds, noise=noise), show
+        )
     passed = all(mark.passed for mark in marks)
 
     history = console.provenance(seed)

@@ -14,8 +14,8 @@ CAPTION = (
     "dashed: the kinematic controller on the same motion."
 )
 EXAM_NOTE = (
-    "Rms position errors of runs of 10 s from a displaced rest, after 2 s; with start: policy / "
-    "kinematic over the whole run."
+    "Rms position errors of runs from a displaced rest, after 2 s; with start: policy / kinematic "
+    "over the whole run."
 )
 HEAD = ("motion", "policy, mm", "kinematic, mm", "times better (95 %)", "seeds won, %",
         "both with start, mm", "heading, deg")  # fmt: skip

@@ -357,8 +357,8 @@ def test_shipped_policies_beat_the_kinematic_controller(name):
 
 
 def test_ppo_learns():
-    recipe = replace(tiny("ppo", 50_000), copies=64, episode=200, layers=(32, 32))
-    run = Run(recipe, "nominal", NOMINAL, looks=10)
+    recipe = replace(tiny("ppo", 30_000), copies=64, episode=200, layers=(32, 32))
+    run = Run(recipe, "nominal", NOMINAL, looks=6)
     run.learn()
     assert run.curve[-1].reward > run.curve[0].reward + 0.03
 
@@ -422,7 +422,7 @@ def test_trials_pair_by_seed():
 
 
 def test_the_command_trains_examines_and_writes(script, tmp_path):
-    options = ("--steps", 8000, "--copies", 64, "--seeds", 3)
+    options = ("--steps", 8000, "--copies", 64, "--seeds", 3, "--seconds", 3)
     files = ("--out", "p.json", "--json", "o.json", "--report", "page", "--checkpoints", "ck")
     status, out, err = script("train.py", *options, *files)
     out = " ".join(out.split())
