@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ident.diagnosis.dependence import dependences
+from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
 from ident.diagnosis.fitness import unfit
 from ident.diagnosis.floor import wheels_agree
 from ident.diagnosis.parts import FEWEST, FIT, SELECT, Part, divide, weigh
@@ -68,6 +69,7 @@ class Diagnosis:
         depends_on: signals that the remaining error depends on, strongest first.
         errors: free-run errors of base, of every step and of the model on untouched windows.
         first, last: the first and the last round; None where the log decides nothing.
+        experiment: what to record next, where that would tell more.
     """
 
     log: str
@@ -81,6 +83,7 @@ class Diagnosis:
     errors: FreeRunErrors | None = None
     first: Round | None = None
     last: Round | None = None
+    experiment: Experiment | None = None
 
     @property
     def named(self) -> tuple[Step, ...]:
@@ -105,6 +108,7 @@ class Diagnosis:
                 for step in self.named
             ],
             "candidates": [one.as_dict() for one in self.reach],
+            "experiment": self.experiment.as_dict() if self.experiment else None,
             "depends_on": [signal for signal, _ in self.depends_on],
             "free_run": self.errors.as_dict() if self.errors else
                         {"before": None, "after": None, "noise_floor": None},
@@ -142,7 +146,7 @@ def diagnose(
     name = " + ".join(log.name for log in logs)
     weak = next(filter(None, (unfit(log) for log in everything if log is not test)), "")
     if weak:
-        return Diagnosis(name, "cannot_say", weak, (), model, model)
+        return Diagnosis(name, "cannot_say", weak, (), model, model, experiment=CALIBRATION)
     parts = divide(logs, test, model)
     tell("fitting the base model")
     refined, simulations = refit(parts, model, steps=30)
@@ -190,6 +194,8 @@ def diagnose(
     last = chain[-1][1]
     steps.sort(key=lambda step: step.background)
     verdict, reason = _judge(steps, errors, outside, first, now)
+    if verdict == "ambiguous":
+        tell("looking for a motion that separates them")
     return Diagnosis(
         log=name,
         verdict=verdict,
@@ -202,6 +208,7 @@ def diagnose(
         errors=errors,
         first=first,
         last=now,
+        experiment=_next_record(verdict, steps, now),
     )
 
 
@@ -264,6 +271,20 @@ def _chain(parts: list[Part], base: OutputError, steps: list[Step]) -> list[tupl
             model = _reduced(model, later.best.identifier)
         chain.append((steps[count - 1].best.identifier, refit(parts, model)[0].model))
     return chain
+
+
+def _next_record(verdict: str, steps: list[Step], last: Round) -> Experiment | None:
+    """What to record next."""
+    if verdict == "cannot_say":
+        return CALIBRATION
+    doubtful = [step for step in steps if len(step.group) > 1]
+    if verdict != "ambiguous" or not doubtful:
+        return None
+    step = doubtful[0]
+    rivals = {c.identifier: c.model for c in (step.best, *step.rivals)[:2]}
+    if any(part.log.drive == "voltage" for part in last.parts):
+        return None
+    return separating(rivals, last.error)
 
 
 def _confirmed(errors: FreeRunErrors) -> np.ndarray:
