@@ -10,10 +10,24 @@ import numpy as np
 import pytest
 from shared_data import shared
 
-from ident.diagnosis.verdict import diagnose
+from ident import diagnose
+from ident.benchmark.outside import FloorPatches
+from ident.diagnosis.dependence import dependences
+from ident.diagnosis.evidence import Evidence
+from ident.diagnosis.experiment import distance, separating
+from ident.diagnosis.floor import noise_floor, wheels_agree
+from ident.diagnosis.menu import FOLDER, menu
+from ident.diagnosis.orders import strongest_orders
+from ident.diagnosis.parts import FIT, SELECT, VERIFY, divide
+from ident.diagnosis.rivals import refit
+from ident.diagnosis.trials import trials
 from ident.log import Log
+from ident.output_error import refine, scaled_error
+from ident.sensitivity import Linearised
+from youbot_env.effects import get_effect
+from youbot_env.model import ActiveEffect
 from youbot_env.model_file import load_model
-from youbot_env.references import SmoothRandom, calibration_sequence
+from youbot_env.references import Fourier, SmoothRandom, calibration_sequence, load_motion
 from youbot_env.simulation import Sensors, record_closed_loop
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -27,70 +41,227 @@ def record(model, reference, seconds, seed):
 
 
 def pair(effects):
-    model = PAPER.with_effects(effects)
-    fit = record(model, calibration_sequence(seconds=60.0), 60.0, 1)
+    model = PAPER.with_effects(effects) if isinstance(effects, dict) else effects
+    fit = record(model, calibration_sequence(seconds=80.0), 80.0, 1)
     return fit, record(model, SmoothRandom(0.35, 1.5), 40.0, 2)
 
 
-def test_nothing_is_named_where_nothing_is_hidden():
-    found = diagnose(*pair({}), NOMINAL)
+@pytest.fixture(scope="module")
+def quiet():
+    return pair({})
+
+
+@pytest.fixture(scope="module")
+def sticky():
+    return pair({"wheel_coulomb_friction": 0.15})
+
+
+def test_nothing_is_named_where_nothing_is_hidden(quiet):
+    fit, test = quiet
+    found = diagnose(fit, NOMINAL, test)
     assert found.verdict == "nothing_missing"
-    assert not found.steps
+    assert found.as_dict()["named"] == []
+    # Silence means something: typical sizes would have been seen.
+    seen = {one.effect: one for one in found.reach}
+    for name in ("wheel_coulomb_friction", "floor_slope", "torque_gain", "cable_tether"):
+        assert seen[name].power > 0.95
+        assert seen[name].smallest < seen[name].typical
+    assert diagnose(fit, NOMINAL).verdict == "nothing_missing"
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_hidden_effect_is_named_with_its_size(sticky, alone):
+    fit, test = sticky
+    found = diagnose(fit, NOMINAL, None if alone else test)
+    assert found.verdict == "named"
+    (name,) = found.as_dict()["named"]
+    assert name["effect"] == "wheel_coulomb_friction"
+    assert name["size"]["fc"]["value"] == pytest.approx(0.15, rel=0.02)
+    assert name["p_adjusted"] < 0.05
+    assert name["error_drop"] > 0.5
+    assert found.errors.after < 2.5 * found.errors.floor
+    # The base parameters are those of the robot again.
+    assert found.model.parameters.m0 == pytest.approx(PAPER.parameters.m0, rel=0.02)
 
 
 @pytest.mark.parametrize(
-    ("effects", "size", "true"),
+    "effects",
     [
-        ({"wheel_coulomb_friction": 0.15}, "fc", 0.15),
-        ({"floor_slope": {"sx": 0.012, "sy": -0.008}}, "sx", 0.012),
+        {"floor_slope": {"sx": 0.012, "sy": -0.008}},
+        {"torque_gain": {"e_rr": 0.1}},
+        {"torque_ripple": {"a": 0.2, "b": 0.1, "k": 4.6}},
+        {"torque_dead_zone": 0.2},
     ],
 )
-def test_a_hidden_effect_is_named_with_its_size(effects, size, true):
-    found = diagnose(*pair(effects), NOMINAL)
-    (identifier,) = effects
+def test_effects_of_every_kind_are_named(effects):
+    found = diagnose(*pair(effects)[:1], NOMINAL, pair(effects)[1])
+    assert found.verdict == "named"
+    assert [step.best.identifier for step in found.named] == list(effects)
+
+
+def test_two_effects_are_found_one_after_the_other():
+    effects = {"wheel_coulomb_friction": 0.15, "floor_slope": {"sx": 0.012, "sy": -0.008}}
+    fit, test = pair(effects)
+    found = diagnose(fit, NOMINAL, test)
+    assert found.verdict == "named"
+    assert {step.best.identifier for step in found.named} == set(effects)
+    assert np.all(np.diff(found.errors.nrmse) < 0)
+
+
+def test_delay_and_lag_are_a_group_with_the_motion_that_separates_them():
+    fit, test = pair({"actuator_delay": 0.02})
+    found = diagnose(fit, NOMINAL, test)
     assert found.verdict in ("named", "ambiguous")
-    assert identifier in found.steps[0].group
-    step = found.steps[0]
-    assert step.drop > 0.2
-    if step.best.identifier == identifier:
-        assert step.best.sizes[size] == pytest.approx(true, rel=0.1)
+    assert "actuator_delay" in found.steps[0].group
+    delay, lag = (PAPER.with_effects({n: 0.02}) for n in ("actuator_delay", "actuator_lag"))
+    experiment = separating({"actuator_delay": delay, "actuator_lag": lag}, 5e-5)
+    assert experiment.motion == "chirp"
+    assert experiment.odds > 100 * dict(experiment.alternatives)["slow_ramps"]
+    chirp = menu()["chirp"]
+    assert distance(delay, delay, chirp) < 1e-3 * distance(delay, lag, chirp)
 
 
-def test_weak_records_are_refused_with_the_reason():
-    fit, test = pair({})
-    short = diagnose(fit.part(0.0, 10.0), test, NOMINAL)
+def test_what_no_effect_explains_is_said_to_lie_outside():
+    patches = FloorPatches()
+    hidden = ActiveEffect(patches, patches.complete({"c": 150.0}, PAPER.platform))
+    found = diagnose(*pair(replace(PAPER, effects=(hidden,)))[:1], NOMINAL)
+    assert found.verdict in ("outside_library", "cannot_say")
+    assert found.as_dict()["named"] == []
+
+
+def test_weak_records_are_refused_with_the_reason(quiet):
+    fit, test = quiet
+    short = diagnose(fit.part(0.0, 10.0), NOMINAL, test)
     assert short.verdict == "cannot_say"
     assert "20 s" in short.reason
+    assert short.experiment.motion == "calibration"
     still = replace(fit, wheel_velocity=0.001 * fit.wheel_velocity)
-    assert "hardly moves" in diagnose(still, test, NOMINAL).reason
-    clipped = replace(fit, wheel_torque=np.clip(fit.wheel_torque, -0.3, 0.3))
-    assert "limit" in diagnose(clipped, test, NOMINAL).reason
-    assert not diagnose(clipped, test, NOMINAL).steps
+    assert "hardly moves" in diagnose(still, NOMINAL, test).reason
+    for channel, size in (("wheel_torque", 1.0), ("wheel_velocity", 4.0)):
+        signal = np.clip(getattr(fit, channel), -size, size)
+        clipped = diagnose(replace(fit, **{channel: signal}), NOMINAL, test)
+        assert clipped.verdict == "cannot_say"
+        assert "clipped" in clipped.reason
+        assert not clipped.named
 
 
-def test_robot_with_real_rollers_and_nothing_hidden():
-    logs = [
-        Log.load(shared("roller-robot", f"a-nothing-hidden.{k}.csv")) for k in ("train", "test")
-    ]
-    assert diagnose(*logs, NOMINAL).verdict == "nothing_missing"
+def test_windows_are_never_fitted_and_judged_at_once(quiet):
+    fit, test = quiet
+    first, second = divide([fit], test, NOMINAL)
+    assert set(first.role) == {FIT}
+    assert set(second.role) == {SELECT, VERIFY}
+    assert list(second.role) == sorted(second.role)
+    (alone,) = divide([fit], None, NOMINAL)
+    assert set(alone.role) == {FIT, VERIFY}
+    keep = alone.windows(FIT)
+    spoiled = fit.wheel_velocity.copy()
+    for window in np.flatnonzero(alone.windows(VERIFY)):
+        length = round(fit.duration / 28 / fit.dt)
+        spoiled[(window * length) + 30 : (window + 1) * length - 5] += 3.0
+    other = replace(fit, wheel_velocity=spoiled)
+    values = [np.array(refine([log], NOMINAL, keep=[keep]).model.values()) for log in (fit, other)]
+    assert values[0] == pytest.approx(values[1], rel=0.02)
 
 
-def test_script_writes_the_contract_and_refuses_one_log(tmp_path):
-    command = [sys.executable, "scripts/diagnose.py"]
-    alone = subprocess.run(
-        [*command, "logs/youbot_fit.csv"], cwd=ROOT, capture_output=True, text=True, check=False
+def test_traces_are_what_adding_the_effect_changes(quiet):
+    fit, _ = quiet
+    model = refine([fit], NOMINAL).model
+    sim = Linearised.of(fit, model)
+    for name in ("wheel_coulomb_friction", "actuator_lag", "floor_slope"):
+        small = {p.name: 0.02 * p.default for p in get_effect(name).parameters if p.linear}
+        other = model.with_effects({name: small or {"T": 0.02}})
+        trace = sim.model_columns([(model, other)])[..., 0]
+        exact = sim.residual - Linearised.of(fit, other).residual
+        assert np.linalg.norm(trace - exact) < 0.15 * np.linalg.norm(exact)
+
+
+def test_held_out_gain_of_pure_noise_is_nothing(quiet):
+    fit, test = quiet
+    parts = divide([fit], test, NOMINAL)
+    refined, simulations = refit(parts, NOMINAL)
+    generic = dependences([fit, test])
+    tried = trials(refined.model, fit)
+    evidence = Evidence.of(parts, list(simulations), tried, generic)
+    gains = [evidence.gain(k) for k in range(len(evidence.columns))]
+    assert max(gains) < 0.06
+    _, adjusted = evidence.p_values(0)
+    assert np.all((adjusted > 0) & (adjusted <= 1))
+    again = evidence.p_values(0)[1]
+    assert np.array_equal(adjusted, again)
+    floor = noise_floor(simulations[0], parts[0].weights)[0]
+    error = np.mean(scaled_error(simulations[0], parts[0].weights) ** 2)
+    assert 0.5 * error < floor < 2.0 * error
+
+
+def test_wheels_that_contradict_each_other_are_noticed(quiet):
+    fit, _ = quiet
+    assert wheels_agree(fit)
+    rolling = record(
+        PAPER.with_effects({"wheel_radius_error": {"e_fl": 0.03}}), SmoothRandom(0.35, 1.5), 30.0, 3
     )
-    assert alone.returncode == 2
-    assert "--test" in alone.stderr
-    logs = {}
-    for name, log in zip(("fit", "test"), pair({}), strict=True):
-        logs[name] = log.part(0.0, 15.0).save(tmp_path / f"{name}.csv")
+    assert not wheels_agree(rolling)
+
+
+def test_order_of_a_torque_ripple_is_read_off_the_record():
+    hidden = PAPER.with_effects({"torque_ripple": {"a": 0.1, "k": 4.57}})
+    log = record(hidden, calibration_sequence(seconds=80.0), 80.0, 4)
+    model = refine([log], NOMINAL).model
+    assert min(abs(k - 4.57) for k in strongest_orders(log, model)) < 0.05
+
+
+def test_motions_of_the_menu_are_the_shipped_files():
+    for name, motion in menu().items():
+        if isinstance(motion, Fourier):
+            assert load_motion(ROOT / FOLDER / f"{name}.yaml").amplitudes == pytest.approx(
+                np.array(motion.amplitudes), abs=1e-6
+            )
+
+
+@pytest.mark.parametrize(
+    ("name", "effect"),
+    [
+        ("a-nothing-hidden", None),
+        ("b-wheel-coulomb", "wheel_coulomb_friction"),
+        ("c-floor-slope", "floor_slope"),
+        ("d-torque-gain-fl", "torque_gain"),
+        ("e-delay-18ms", "actuator_delay"),
+        ("f-cable", "cable_tether"),
+    ],
+)
+def test_robots_with_real_rollers(name, effect):
+    fit, test = (Log.load(shared("roller-robot", f"{name}.{k}.csv")) for k in ("train", "test"))
+    found = diagnose(fit, NOMINAL, test)
+    if effect is None:
+        assert found.verdict == "nothing_missing"
+    else:
+        assert found.verdict in ("named", "ambiguous")
+        assert found.named[0].group[0] == effect
+
+
+def test_script_writes_the_contract(tmp_path, sticky):
+    logs = [log.save(tmp_path / f"{k}.csv") for k, log in zip("ab", sticky, strict=True)]
     file = tmp_path / "d.json"
+    command = [sys.executable, "scripts/diagnose.py", str(logs[0]), "--test", str(logs[1])]
     done = subprocess.run(
-        [*command, str(logs["fit"]), "--test", str(logs["test"]), "--json", str(file)],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        [*command, "--json", str(file)], cwd=ROOT, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     result = json.loads(file.read_text())
-    assert result["verdict"] == "cannot_say"
-    assert result["named"] == []
+    assert result["verdict"] == "named"
+    assert result["named"][0]["group"][0] == "wheel_coulomb_friction"
+    keys = {"log", "verdict", "named", "candidates", "depends_on", "where", "experiment",
+            "free_run"}  # fmt: skip
+    assert keys <= set(result)
+    assert {"effect", "p_adjusted", "size", "ci95", "unit", "power", "smallest_detectable"} <= set(
+        result["candidates"][0]
+    )
+    assert {"before", "after", "noise_floor"} <= set(result["free_run"])
+    same = subprocess.run(
+        [*command[:3], "--test", str(logs[0])],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert same.returncode == 2
+    assert "same record" in same.stderr

@@ -196,13 +196,6 @@ class Evidence:
         behind = number - len(self.trials)
         return self.dependences[behind] if behind >= 0 else None
 
-    def optimism(self, number: int) -> float:
-        """Share of squared error that a fit removes on its own windows only."""
-        mine = self.columns[number] - self.base
-        held_out = sum(part.loss(mine) for part in self._blocks)
-        gain = 1.0 - held_out / sum(part.before for part in self._blocks)
-        return max(0.0, self.explained(number) - gain)
-
     def explained(self, number: int) -> float:
         """Share of squared error that a trial removes on the windows that it is fitted to."""
         mine = self.columns[number] - self.base

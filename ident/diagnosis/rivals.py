@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +34,6 @@ class Candidate:
         refined: the model with it.
         simulations: every log simulated with that model.
         loss: (W,) mean squared scaled error of each window.
-        optimism: share by which the loss on fitted windows is too small.
         count: number of its parameters.
     """
 
@@ -44,7 +42,6 @@ class Candidate:
     refined: OutputError
     simulations: tuple[Linearised, ...]
     loss: np.ndarray
-    optimism: float
     count: int
 
     @property
@@ -86,17 +83,16 @@ def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate |
     active = refined.model.effects[-1]
     if not active.effect.plausible(active.values):
         return None
-    optimism = evidence.optimism(number)
     count = trial.mix.shape[1] + sum(not p.linear and p.smooth for p in active.effect.parameters)
     loss = window_losses(parts, simulations)
-    return Candidate(trial.identifier, number, refined, simulations, loss, optimism, count)
+    return Candidate(trial.identifier, number, refined, simulations, loss, count)
 
 
 def ranked(found: list[Candidate], role: np.ndarray, before: np.ndarray) -> list[Candidate]:
     """The group that cannot be told apart, best first.
 
     The windows for choosing decide, which no candidate was fitted to; what they leave open the
-    fitted ones may settle, less the optimism of the fit.  Parameters count.
+    fitted ones may settle.  Parameters count as in Schwarz's criterion.
 
     Args:
         found: candidates.
@@ -108,22 +104,23 @@ def ranked(found: list[Candidate], role: np.ndarray, before: np.ndarray) -> list
         if np.any(role == kind):
             scale[role == kind] = before[role == kind].mean()
 
-    def loss(c: Candidate) -> np.ndarray:
-        return c.loss / scale + np.where(role == FIT, c.optimism, 0.0)
-
-    group = _alike(found, role == SELECT, loss) if np.any(role == SELECT) else found
-    return _alike(group, role != VERIFY, loss)
+    losses = {id(c): c.loss / scale for c in found}
+    group = _alike(found, losses, role == SELECT) if np.any(role == SELECT) else found
+    group = _alike(group, losses, role != VERIFY)
+    # A law with a spare parameter that is not needed is the law without it.
+    best = group[0].identifier
+    return [c for c in group if best not in get_effect(c.identifier).contains]
 
 
 def _alike(
-    found: list[Candidate], windows: np.ndarray, loss: Callable[[Candidate], np.ndarray]
+    found: list[Candidate], loss: dict[int, np.ndarray], windows: np.ndarray
 ) -> list[Candidate]:
     """Those within chance of the best on some windows, best first.
 
     Losses are in units of the mean loss without any of them.
     """
     count = np.count_nonzero(windows)
-    losses = [loss(c)[windows] for c in found]
+    losses = [loss[id(c)][windows] for c in found]
     score = [
         count * np.log(one.mean()) + c.count * np.log(count)
         for c, one in zip(found, losses, strict=True)

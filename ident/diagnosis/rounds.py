@@ -210,4 +210,4 @@ class Round:
 
     def _gain_of(self, found: Candidate) -> float:
         fitted = self.evidence.role == FIT
-        return 1.0 - found.loss[fitted].mean() / self.error - found.optimism
+        return 1.0 - found.loss[fitted].mean() / self.error

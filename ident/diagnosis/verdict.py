@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from ident.comparison import Regime, compare
 from ident.diagnosis.dependence import dependences
 from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
 from ident.diagnosis.fitness import unfit
 from ident.diagnosis.floor import wheels_agree
 from ident.diagnosis.parts import FEWEST, FIT, SELECT, Part, divide, weigh
 from ident.diagnosis.power import Reach, reach
-from ident.diagnosis.rivals import Candidate, candidate, refit, window_losses
+from ident.diagnosis.rivals import Candidate, candidate, ranked, refit, window_losses
 from ident.diagnosis.rounds import LEAST_GAIN, Round
 from ident.diagnosis.untouched import FreeRunErrors, free_run_errors
 from ident.log import Log
@@ -25,6 +26,8 @@ from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
 MOST_EFFECTS = 3
+# Rivals of an effect that are looked at again when more has been explained.
+MOST_RIVALS = 3
 # Where the wheels agree with each other: errors from this many times the noise on are not noise,
 # and effects that leave more than this share of such an error are not what is missing.
 UNEXPLAINED, REMAINDER = 3.0, 0.3
@@ -90,8 +93,14 @@ class Diagnosis:
         """Steps that count as an answer."""
         return self.steps if self.verdict in ("named", "ambiguous") else ()
 
+    def where(self) -> tuple[Regime, ...]:
+        """Regimes in which the base model fails, those with most error for their time first."""
+        if self.first is None:
+            return ()
+        return compare(self.first.parts[0].log, [self.base])[0].where
+
     def as_dict(self) -> dict[str, Any]:
-        """Return what ``diagnose.py --json`` writes, less what needs the comparison."""
+        """Return what ``diagnose.py --json`` writes."""
         drops = self.errors.drops if self.errors else {}
         return {
             "log": self.log,
@@ -108,6 +117,7 @@ class Diagnosis:
                 for step in self.named
             ],
             "candidates": [one.as_dict() for one in self.reach],
+            "where": [regime.as_dict() for regime in self.where()],
             "experiment": self.experiment.as_dict() if self.experiment else None,
             "depends_on": [signal for signal, _ in self.depends_on],
             "free_run": self.errors.as_dict() if self.errors else
@@ -183,6 +193,7 @@ def diagnose(
         tell(f"adding {best.identifier}")
         now = Round.of(parts, best.simulations, generic, seeds[2 + count], origin, first.error)
     steps = _without_idle(parts, base, steps)
+    steps = [_settled_group(parts, base, steps, step) for step in steps]
     tell("measuring errors on untouched windows")
     chain = _chain(parts, refined, steps)
     errors = free_run_errors(parts, chain, first.simulations[-1])
@@ -232,13 +243,17 @@ def sizes(model: Model, identifier: str, windows: int) -> dict[str, Quantity]:
 
 
 def _with_steps(base: Model, steps: list[Step]) -> Model:
-    """The base model with the effects of all steps at the sizes they were added with."""
+    """The base model with the effects of all steps, at the sizes found last."""
     if not steps:
         return base
-    latest = steps[-1].best.model
-    wanted = {a.identifier for a in base.effects} | {s.best.identifier for s in steps}
-    kept = tuple(a for a in latest.effects if a.identifier in wanted)
-    return replace(latest, effects=kept, covariance=None)
+    wanted = {}
+    for step in steps:
+        for active in step.best.model.effects:
+            wanted[active.identifier] = active.values
+    known = {a.identifier for a in base.effects} | {s.best.identifier for s in steps}
+    kept = {name: values for name, values in wanted.items() if name in known}
+    latest = replace(steps[-1].best.model, covariance=None, effects=())
+    return latest.with_effects(kept)
 
 
 def _without_idle(parts: list[Part], base: Model, steps: list[Step]) -> list[Step]:
@@ -256,6 +271,29 @@ def _without_idle(parts: list[Part], base: Model, steps: list[Step]) -> list[Ste
         if window_losses(parts, without)[deciding].mean() < full / (1.0 - 0.5 * LEAST_GAIN):
             kept = fewer
     return kept
+
+
+def _settled_group(parts: list[Part], base: Model, steps: list[Step], step: Step) -> Step:
+    """The group of a step once more, with everything explained that was found after it."""
+    if len(steps) < 2 or not step.rivals:
+        return step
+    found = []
+    role = np.concatenate([part.role for part in parts])
+    without = _reduced(_with_steps(base, steps), step.best.identifier)
+    before = window_losses(parts, refit(parts, without)[1])
+    for rival in (step.best, *step.rivals[:MOST_RIVALS]):
+        if any(rival.identifier == other.best.identifier for other in steps if other is not step):
+            continue
+        values = next(a.values for a in rival.model.effects if a.identifier == rival.identifier)
+        kept = {a.identifier: a.values for a in without.effects}
+        refined, simulations = refit(
+            parts, without.with_effects({**kept, rival.identifier: values})
+        )
+        loss = window_losses(parts, simulations)
+        found.append(replace(rival, refined=refined, simulations=simulations, loss=loss))
+    group = ranked(found, role, before)
+    return replace(step, best=group[0], group=tuple(c.identifier for c in group),
+                   rivals=tuple(group[1:]))  # fmt: skip
 
 
 def _reduced(model: Model, identifier: str) -> Model:

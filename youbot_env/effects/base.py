@@ -114,6 +114,7 @@ class Effect:
         parameters: what it is measured by.
         regime: when it shows.
         confusables: identifiers of effects that look alike in most logs.
+        contains: identifiers of effects that are special cases of this one.
         experiments: motions that tell them apart.
         order: place among the effects of the same link, small first.
         needs_pose, needs_wheel_angle, needs_time: signals beyond velocity that the law reads.
@@ -129,6 +130,7 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]]
     regime: ClassVar[str] = ""
     confusables: ClassVar[tuple[str, ...]] = ()
+    contains: ClassVar[tuple[str, ...]] = ()
     experiments: ClassVar[tuple[str, ...]] = ()
     order: ClassVar[int] = 0
     needs_pose: ClassVar[bool] = False

@@ -29,6 +29,7 @@ class StribeckFriction(Effect):
     )
     regime = "reversals and slow motion"
     confusables = ("wheel_coulomb_friction", "torque_dead_zone")
+    contains = ("wheel_coulomb_friction",)
     experiments = ("slow ramp through zero", "fast reversals")
 
     def shaft(self, p, s, ops):
