@@ -1,0 +1,128 @@
+"""Effects added one after the other: their sizes, their groups, and the way from base to last."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import stdtrit
+
+from ident.diagnosis.parts import FIT, SELECT, Part
+from ident.diagnosis.rivals import Candidate, ranked, refit, window_losses
+from ident.diagnosis.rounds import LEAST_GAIN
+from ident.output_error import OutputError
+from ident.quantities import Quantity
+from youbot_env.effects import get_effect
+from youbot_env.model import Model
+
+# Rivals of an effect that are looked at again when more has been explained.
+MOST_RIVALS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One effect added on the way.
+
+    Attributes:
+        best: what was added.
+        group: identifiers that fit as well, best first.
+        p: adjusted p value.
+        background: whether every robot has some of it.
+        rivals: the others of the group, refined.
+    """
+
+    best: Candidate
+    group: tuple[str, ...]
+    p: float
+    background: bool
+    rivals: tuple[Candidate, ...] = ()
+
+    def sizes(self, model: Model) -> dict[str, Quantity]:
+        """Sizes with 95 % intervals in a model that was refined with the effect."""
+        return sizes(model, self.best.identifier, self.best.refined.windows)
+
+
+def sizes(model: Model, identifier: str, windows: int) -> dict[str, Quantity]:
+    """Parameters of one effect of a refined model, with 95 % intervals where they were fitted."""
+    factor = float(stdtrit(max(windows - 1, 1), 0.975))
+    covariance = np.array(model.covariance)
+    effect, found = get_effect(identifier), {}
+    pairs = zip(model.names(), model.values(), strict=True)
+    for k, (name, value) in enumerate(pairs):
+        if not name.startswith(f"{identifier}."):
+            continue
+        flat, error = name.split(".")[1], float(np.sqrt(max(covariance[k, k], 0.0)))
+        known = error > 0
+        interval = (value - factor * error, value + factor * error) if known else None
+        unit = effect.parameter_of(flat).unit
+        found[flat] = Quantity(value, unit, error if known else None, interval, "diagnosis")
+    return found
+
+
+def with_steps(base: Model, steps: list[Step]) -> Model:
+    """The base model with the effects of all steps, at the sizes found last."""
+    if not steps:
+        return base
+    wanted = {}
+    for step in steps:
+        for active in step.best.model.effects:
+            wanted[active.identifier] = active.values
+    known = {a.identifier for a in base.effects} | {s.best.identifier for s in steps}
+    kept = {name: values for name, values in wanted.items() if name in known}
+    latest = replace(steps[-1].best.model, covariance=None, effects=())
+    return latest.with_effects(kept)
+
+
+def without_idle(parts: list[Part], base: Model, steps: list[Step]) -> list[Step]:
+    """Leave out effects that later ones have made superfluous."""
+    if len(steps) < 2:
+        return steps
+    role = np.concatenate([part.role for part in parts])
+    deciding = role == SELECT if np.any(role == SELECT) else role == FIT
+    kept = list(steps)
+    for step in steps[:-1]:
+        fewer = [other for other in kept if other is not step]
+        _, simulations = refit(parts, with_steps(base, kept))
+        _, without = refit(parts, _without(with_steps(base, kept), step.best.identifier))
+        full = window_losses(parts, simulations)[deciding].mean()
+        if window_losses(parts, without)[deciding].mean() < full / (1.0 - 0.5 * LEAST_GAIN):
+            kept = fewer
+    return kept
+
+
+def settled_group(parts: list[Part], base: Model, steps: list[Step], step: Step) -> Step:
+    """The group of a step once more, with everything explained that was found after it."""
+    if len(steps) < 2 or not step.rivals:
+        return step
+    found = []
+    role = np.concatenate([part.role for part in parts])
+    without = _without(with_steps(base, steps), step.best.identifier)
+    before = window_losses(parts, refit(parts, without)[1])
+    for rival in (step.best, *step.rivals[:MOST_RIVALS]):
+        if any(rival.identifier == other.best.identifier for other in steps if other is not step):
+            continue
+        values = next(a.values for a in rival.model.effects if a.identifier == rival.identifier)
+        kept = {a.identifier: a.values for a in without.effects}
+        refined, simulations = refit(
+            parts, without.with_effects({**kept, rival.identifier: values})
+        )
+        loss = window_losses(parts, simulations)
+        found.append(replace(rival, refined=refined, simulations=simulations, loss=loss))
+    group = ranked(found, role, before)
+    return replace(step, best=group[0], group=tuple(c.identifier for c in group),
+                   rivals=tuple(group[1:]))  # fmt: skip
+
+
+def chain_of(parts: list[Part], base: OutputError, steps: list[Step]) -> list[tuple[str, Model]]:
+    """Names and models from the base to the final one, one effect more each time."""
+    chain = [("", base.model)]
+    for count in range(1, len(steps) + 1):
+        model = with_steps(base.model, steps)
+        for later in steps[count:]:
+            model = _without(model, later.best.identifier)
+        chain.append((steps[count - 1].best.identifier, refit(parts, model)[0].model))
+    return chain
+
+
+def _without(model: Model, identifier: str) -> Model:
+    return replace(model, effects=tuple(a for a in model.effects if a.identifier != identifier))
