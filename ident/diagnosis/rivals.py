@@ -20,6 +20,9 @@ CHANCE = 0.05
 # Effects that make the drive late smooth the noise of its record, each in its own way.  That feigns
 # up to this share of what they explain.
 FEIGNED = 0.1
+# Independent errors in a window, for Schwarz's criterion: they remember each other some tenths of
+# a second.
+EACH = 8
 # Gauss-Newton steps of a refinement; the start is close.
 STEPS = 8
 
@@ -122,7 +125,7 @@ def _alike(
     count = np.count_nonzero(windows)
     losses = [loss[id(c)][windows] for c in found]
     score = [
-        count * np.log(one.mean()) + c.count * np.log(count)
+        EACH * count * np.log(one.mean()) + c.count * np.log(EACH * count)
         for c, one in zip(found, losses, strict=True)
     ]
     order = np.argsort(score)
