@@ -93,8 +93,19 @@ def _cells(canvas, axis, x, y, values: np.ndarray, label: str, colors: str, low)
 
 def signals_figure(comparison: Comparison) -> bytes:
     """Mean residual over each signal that the log has, with 95 % intervals."""
-    panels = _panels(comparison)
-    height = 0.7 + 2.35 * -(-len(panels) // COLUMNS)
+    return panels_figure(comparison, _panels(comparison))
+
+
+def panels_figure(comparison: Comparison, panels: list[tuple]) -> bytes:
+    """Mean residuals over chosen signals, with 95 % intervals.
+
+    Args:
+        comparison: of the model whose residual it is.
+        panels: ``(title, signals (N, C), residuals (N, C), colours, span)`` of each; the colours
+            are ``WHEELS`` (residuals are torques on the shafts) or ``BODY``.
+    """
+    columns = min(COLUMNS, len(panels))
+    height = 0.7 + 2.35 * -(-len(panels) // columns)
     return figure(height)(_draw_signals)(comparison, panels, height)
 
 
@@ -126,8 +137,9 @@ def _panels(comparison: Comparison) -> list[tuple]:
 
 def _draw_signals(canvas, comparison: Comparison, panels: list[tuple], height: float) -> None:
     unit, _, moment = comparison.force_units
-    rows = -(-len(panels) // COLUMNS)
-    axes = canvas.subplots(rows, COLUMNS, squeeze=False).ravel()
+    columns = min(COLUMNS, len(panels))
+    rows = -(-len(panels) // columns)
+    axes = canvas.subplots(rows, columns, squeeze=False).ravel()
     canvas.subplots_adjust(0.07, 0.5 / height, 0.985, 1 - 0.62 / height, hspace=0.42, wspace=0.2)
     stretch = stretch_numbers(comparison.regression)
     # Over time a bin holds few stretches, so they are cut shorter.
@@ -153,5 +165,6 @@ def _draw_signals(canvas, comparison: Comparison, panels: list[tuple], height: f
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
     forces = (FORCES[0].replace("L\\,", ""), FORCES[1].replace("L\\,", ""), "$M_O/L$")
-    labels = [f"wheel {name}" for name in comparison.log.platform.wheel_names] + list(forces)
+    labels = [f"wheel {name}" for name in comparison.log.platform.wheel_names]
+    labels = labels[: len(handles[WHEELS])] + list(forces)[: len(handles[BODY])]
     legend(canvas, handles[WHEELS] + handles[BODY], labels, bbox_to_anchor=(0.06, 1.0))
