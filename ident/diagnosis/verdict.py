@@ -17,13 +17,13 @@ from ident.diagnosis.parts import FEWEST, divide, weigh
 from ident.diagnosis.power import Reach, reach
 from ident.diagnosis.rivals import candidate, refit
 from ident.diagnosis.rounds import LEAST_GAIN, Round
-from ident.diagnosis.steps import Step, chain_of, settled_group, without_idle
+from ident.diagnosis.steps import Step, chain_of, settled_group, with_steps, without_idle
 from ident.diagnosis.untouched import FreeRunErrors, free_run_errors
 from ident.log import Log
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
-MOST_EFFECTS = 3
+MOST_EFFECTS, ROUNDS = 3, 6
 # Where the wheels agree with each other: errors from this many times the noise on are not noise,
 # and effects that leave more than this share of such an error are not what is missing.
 UNEXPLAINED, REMAINDER = 3.0, 0.3
@@ -152,7 +152,15 @@ def diagnose(
             now = Round.of(parts, found.simulations, generic, seeds[1], None, first.error)
     origin = now.error
     outside = False
-    for count in range(MOST_EFFECTS):
+    for count in range(ROUNDS):
+        if len([step for step in steps if not step.background]) == MOST_EFFECTS:
+            # What came late may have made room.
+            needed = without_idle(parts, base, steps)
+            if len(needed) == len(steps):
+                break
+            steps = needed
+            _, simulations = refit(parts, with_steps(base, steps))
+            now = Round.of(parts, simulations, generic, seeds[count], origin, first.error)
         tell("comparing rivals")
         group = now.choose()
         outside = now.outside(group[0] if group else None) and not any(

@@ -19,7 +19,7 @@ from ident.report.diagnose_figures import (
     dependence_figure,
     gains_figure,
     sizes_figure,
-    steps_figure,
+    error_steps_figure,
 )
 from ident.report.look import IDENTIFIED, NOMINAL
 from ident.report.outcome import interval, percent, rounded
@@ -35,6 +35,7 @@ HEADLINES = {
     "cannot_say": "These logs cannot say",
 }
 REGIMES = 10
+FALLING = "The error on untouched windows"
 
 
 def diagnosis_page(
@@ -191,10 +192,10 @@ def _falling(found: Diagnosis) -> Section:
         "drive input alone. A line that breaks starts anew at the measured velocity."
     )
     blocks = [
-        Picture("error_falling", steps_figure(errors), caption),
+        Picture("error_falling", error_steps_figure(errors), caption),
         Picture("velocities", motion.velocities_figure(runs), seen),
     ]
-    return Section("The error on untouched windows", blocks, note(part.log))
+    return Section(FALLING, blocks, note(part.log))
 
 
 def untouched(part: Part, run: FreeRun) -> FreeRun:

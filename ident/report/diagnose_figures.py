@@ -10,12 +10,26 @@ from ident.comparison.moments import wheel_torques
 from ident.diagnosis.power import POWER, Reach
 from ident.diagnosis.rounds import LEAST_GAIN, SIGNIFICANT
 from ident.diagnosis.untouched import FreeRunErrors
+from ident.improvement import LUMPS
+from ident.quantities import Quantity
 from ident.report.compare_where import panels_figure
-from ident.report.look import BODY, IDENTIFIED, INK, MEASURED, NOMINAL, WHEELS, figure, pretty
+from ident.report.estimates import symbol
+from ident.report.look import (
+    BODY,
+    IDENTIFIED,
+    INK,
+    MEASURED,
+    NOMINAL,
+    WHEELS,
+    figure,
+    pretty,
+    span,
+)
 from ident.report.outcome import percent, rounded
 
 SOFT = "#5a6069"
 ROW_HEIGHT = 0.27  # in
+COLUMNS = 5
 # Effects that make things worse where they were not fitted all do so; how much does not matter.
 LOWEST = -0.15
 # Time since a reversal that is drawn, s.
@@ -83,7 +97,7 @@ def _draw_gains(canvas, shown: list[Reach], named: tuple[str, ...], height: floa
     )  # fmt: skip
 
 
-def steps_figure(errors: FreeRunErrors) -> bytes:
+def error_steps_figure(errors: FreeRunErrors) -> bytes:
     """Free-run error on untouched windows with every effect that was added."""
     height = 1.15 + 0.42 * len(errors.names)
     return figure(height)(_draw_steps)(errors, height)
@@ -145,6 +159,43 @@ def _draw_sizes(canvas, rows: list[tuple], height: float) -> None:
     axis.grid(False, axis="y")
     axis.set_ylim(len(rows) - 0.4, -0.6)
     axis.set_xlabel("size over the typical one, with 95 % interval")
+
+
+def base_figure(names: list[str], stages: list[dict[str, Quantity]]) -> bytes:
+    """Base parameters at every stage with 95 % intervals; open where the logs do not fix them.
+
+    Args:
+        names: what is drawn.
+        stages: quantities by name, from the base model on.
+    """
+    height = 0.55 + 1.75 * -(-len(names) // COLUMNS)
+    return figure(height)(_draw_base)(names, stages, height)
+
+
+def _draw_base(canvas, names: list[str], stages: list[dict], height: float) -> None:
+    rows = -(-len(names) // COLUMNS)
+    axes = canvas.subplots(rows, COLUMNS, squeeze=False).ravel()
+    canvas.subplots_adjust(0.07, 0.4 / height, 0.985, 1 - 0.3 / height, hspace=0.55, wspace=0.3)
+    for axis, name in zip(axes, names, strict=False):
+        shown = []
+        for number, stage in enumerate(stages):
+            q, color = stage[name], IDENTIFIED if number else NOMINAL
+            if q.ci95 is not None:
+                axis.plot((number, number), q.ci95, color=color, linewidth=2.4,
+                          solid_capstyle="butt")  # fmt: skip
+            filled = color if q.ci95 is not None else "white"
+            axis.plot(number, q.value, "o", color=color, markerfacecolor=filled, markersize=6)
+            shown.append((q.value, *(q.ci95 or ())))
+        span(axis, *map(np.array, shown))
+        words = (symbol(name) if name not in LUMPS else name.replace("+", " + "), stage[name].unit)
+        axis.set_title(", ".join(pretty(word) for word in words))
+        labels = ["base", *(f"+{number}" for number in range(1, len(stages)))]
+        axis.set_xticks(range(len(stages)), labels)
+        axis.set_xlim(-0.5, len(stages) - 0.5)
+        axis.grid(False, axis="x")
+        axis.locator_params(axis="y", nbins=4)
+    for axis in axes[len(names) :]:
+        axis.set_visible(False)
 
 
 def dependence_figure(comparison: Comparison, signals: list[str]) -> bytes | None:

@@ -1,0 +1,116 @@
+"""The page of an improvement: the error falling, what became of the base, and the use of it all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ident.improvement import Improvement, Stage
+from ident.physical import invisible
+from ident.report import diagnose as diagnosis
+from ident.report.diagnose_figures import base_figure
+from ident.report.outcome import percent, rounded
+from ident.report.page import Grid, Notes, Page, Picture, Section
+
+ERRORS_HEAD = ("model", "vx m/s", "vy m/s", "yaw rad/s", "all %", "way to noise %")
+
+
+def improvement_page(done: Improvement, gains: list[str], provenance: dict[str, str]) -> Page:
+    """Draw everything and put the page together; nothing is written.
+
+    Args:
+        done: what the loop did.
+        gains: what the final model is good for, in sentences and lines of code.
+        provenance: how it came about, by name.
+    """
+    found, parts = done.found, {part.title: part for part in diagnosis.sections(done.found)}
+    falling, shown = parts.pop(diagnosis.FALLING, None), []
+    if falling is not None:
+        table = Grid(ERRORS_HEAD, error_rows(done), "Rms errors in free run.")
+        shown += [replace(falling, blocks=[falling.blocks[0], table, *falling.blocks[1:]])]
+        shown += [_base(done)]
+    if gains:
+        shown.append(Section("What the controllers gain", [Notes(gains)]))
+    figures = diagnosis.figures(found)
+    if len(done.stages) > 1:
+        figures.append((percent(done.stages[-1].covered), "of the way down to that noise"))
+    return Page(
+        "A model improved until nothing is missing",
+        verdict(done).replace(" %", "\u00a0%"),
+        found.verdict in ("named", "nothing_missing") and not done.problems,
+        diagnosis.lead(found),
+        figures,
+        [*shown, *parts.values()],
+        provenance,
+    )
+
+
+def verdict(done: Improvement) -> str:
+    """What was added and how far the error fell."""
+    found, added = done.found, [stage.added for stage in done.stages[1:]]
+    if found.verdict in ("named", "ambiguous"):
+        before, after = percent(found.errors.before), percent(found.errors.after)
+        sentence = f"Added {', '.join(added)}: free-run error {before} before, {after} after"
+        doubtful = [step.group for step in found.named if len(step.group) > 1]
+        for group in doubtful:
+            sentence += f"; the logs do not tell {' from '.join(group)}"
+        return f"{sentence}."
+    return f"{diagnosis.HEADLINES[found.verdict]}: {found.reason}."
+
+
+def stage_name(number: int, stage: Stage) -> str:
+    """What tables call a stage."""
+    return f"+{number} {stage.added}" if number else "base"
+
+
+def error_rows(done: Improvement) -> list[tuple[str, ...]]:
+    """Rows of ``ERRORS_HEAD``, with the noise of the sensors last."""
+    rows = [
+        (stage_name(number, stage), *(rounded(v, v) for v in stage.axes),
+         f"{100 * stage.nrmse:.3g}", f"{100 * stage.covered:.0f}")
+        for number, stage in enumerate(done.stages)
+    ]  # fmt: skip
+    return [*rows, ("noise of the sensors", "", "", "", f"{100 * done.found.errors.floor:.3g}",
+            "100")]  # fmt: skip
+
+
+def base_head(done: Improvement) -> tuple[str, ...]:
+    """Head of ``base_rows``."""
+    steps = [words for k in range(1, len(done.stages)) for words in (f"+{k}", "shift, se")]
+    return ("", "unit", "base", *steps)
+
+
+def base_rows(done: Improvement) -> list[tuple[str, ...]]:
+    """Each base parameter and lump: value at every stage, shift in its standard errors."""
+    rows = []
+    for name, first in done.stages[0].base.items():
+        cells = [name, first.unit, rounded(first.value, first.se)]
+        for stage in done.stages[1:]:
+            q, shift = stage.base[name], stage.shifts[name]
+            cells += [rounded(q.value, q.se), "-" if shift is None else f"{shift:+.1f}"]
+        rows.append(tuple(cells))
+    return rows
+
+
+def base_note(done: Improvement) -> str:
+    """What the units of the base parameters are."""
+    log = done.found.first.parts[0].log
+    if log.drive == "torque":
+        return ""
+    words = invisible([log])[0]
+    return f"{words[0].upper()}{words[1:]}; units stand for themselves times volts per N m."
+
+
+def _base(done: Improvement) -> Section:
+    stages = [stage.base for stage in done.stages]
+    numbers = ", ".join(f"+{k} {stage.added}" for k, stage in enumerate(done.stages) if k)
+    caption = (
+        "The seven parameters and two lumps (x1 = m0 L^2, x2 = I0, x3 the spin inertia of all "
+        "wheels as it resists turning), with 95 % intervals"
+        + (f": base model, {numbers}" if numbers else "")
+        + ". Open: the logs do not determine it alone. A model that lacks an effect bends its "
+        "parameters to stand in for it."
+    )
+    table = "Shift from the stage before, in standard errors of the later stage."
+    grid = Grid(base_head(done), base_rows(done), table if numbers else "", words=(0, 1))
+    blocks = [Picture("base", base_figure(list(stages[0]), stages), caption), grid]
+    return Section("What the additions did to the base parameters", blocks, base_note(done))
