@@ -160,7 +160,8 @@ def solver_claims(endurance: dict, exact: list[dict]) -> list[Claim]:
     return [
         claim(f"{problem}: median solve, core time", 1e3 * times["median"], "<= 1",
               times["median"] <= MEDIAN, "ms"),
-        claim(f"{problem}: p99 solve, core time", 1e3 * times["p99"], "<= 3", times["p99"] <= P99, "ms"),
+        claim(f"{problem}: p99 solve, core time", 1e3 * times["p99"], "<= 3",
+              times["p99"] <= P99, "ms"),
         claim(f"mpc: unreported failures in {steps} steps", endurance["unreported_failures"],
               "none", endurance["unreported_failures"] == 0, ""),
         claim("mpc: closed-loop error apart from IPOPT's", 100 * apart, "<= 5",

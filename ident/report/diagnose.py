@@ -17,9 +17,9 @@ from ident.report import compare_where, motion
 from ident.report.compare_words import WHERE_HEAD, note, probability, where_rows
 from ident.report.diagnose_figures import (
     dependence_figure,
+    error_steps_figure,
     gains_figure,
     sizes_figure,
-    error_steps_figure,
 )
 from ident.report.look import IDENTIFIED, NOMINAL
 from ident.report.outcome import interval, percent, rounded
