@@ -40,6 +40,9 @@ def benchmark(
     resume: Annotated[
         bool, typer.Option(help="Go on where an earlier run of the same code stopped.")
     ] = True,
+    finished: Annotated[
+        bool, typer.Option("--finished", help="Run nothing, count what is finished already.")
+    ] = False,
     results: Annotated[
         Path, typer.Option(metavar="FILE", help="Where finished cases are kept.")
     ] = RESULTS,
@@ -68,6 +71,11 @@ def benchmark(
         require_baselines()
         tasks += [(method, case) for method in BASELINES for case in chosen if compared(case)]
     store = Store(results, code_version())
+    if finished:
+        there = store.finished()
+        tasks = [task for task in tasks if (task[0], task[1].id) in there]
+        if not tasks:
+            raise ValueError(f"{results} holds no finished case of this code; leave out --finished")
     with console.progress("cases", len(tasks), "cases") as tell:
         records = run(tasks, store, jobs, tell, resume)
     found = summarise(records)
