@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.evidence import Evidence
-from ident.diagnosis.floor import noise_floor
+from ident.diagnosis.floor import noise_floor, wheels_agree
 from ident.diagnosis.parts import FIT, SELECT, Part
 from ident.diagnosis.rivals import Candidate, candidate, ranked, window_losses
 from ident.diagnosis.trials import Trial, trials
@@ -85,6 +86,11 @@ class Round:
         error = float(loss[evidence.role == FIT].mean())
         return cls(parts, simulations, evidence, gains, p, floor, loss, origin or error,
                    unexplained or error)  # fmt: skip
+
+    @cached_property
+    def wheels_agree(self) -> bool:
+        """Whether the wheels rule out that rollers and slip leave an error."""
+        return wheels_agree(self.parts[0].log)
 
     @property
     def model(self) -> Model:
@@ -203,7 +209,9 @@ class Round:
         ]
 
     def _gained(self, number: int) -> bool:
-        return self.gains[number] * min(1.0, self.error / self.origin) > LEAST_GAIN
+        """Whether it removes enough of what is left, or of everything where rollers may feign it."""
+        share = 1.0 if self.wheels_agree else min(1.0, self.error / self.origin)
+        return self.gains[number] * share > LEAST_GAIN
 
     def _named(self, number: int) -> bool:
         return not self.trial(number).effect.background and self.credible(number)

@@ -12,7 +12,6 @@ from ident.comparison import Regime, compare
 from ident.diagnosis.dependence import dependences
 from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
 from ident.diagnosis.fitness import unfit
-from ident.diagnosis.floor import wheels_agree
 from ident.diagnosis.parts import FEWEST, divide, weigh
 from ident.diagnosis.power import Reach, reach
 from ident.diagnosis.rivals import candidate, refit
@@ -239,7 +238,7 @@ def _judge(
     signals = ", ".join(signal for signal, _ in last.dependences()) or "no signal that was tried"
     names = ", ".join(step.best.identifier for step in real)
     left = last.excess / max(first.excess, 1e-300)
-    rolling = not wheels_agree(first.parts[0].log)
+    rolling = not first.wheels_agree
     if outside:
         return "outside_library", f"the error depends on {signals}, as no effect explains"
     if not real and not rolling and first.excess > UNEXPLAINED * first.floor:
