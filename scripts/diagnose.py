@@ -7,6 +7,7 @@ from typing import Annotated
 
 import console
 import typer
+from identify import in_words
 
 from ident.diagnosis.verdict import Diagnosis, diagnose
 from ident.log import Log
@@ -28,13 +29,18 @@ def main(
     model: Annotated[
         str, typer.Option(help="Model to start from: model file, nominal or paper.")
     ] = "nominal",
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
+    ] = None,
+    effects: console.EffectsFile = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
 ) -> None:
     """Name the physical effect that a model is missing, or say that none is or one cannot say."""
-    console.check_writable(json_file)
+    console.check_writable(json_file, None if report is None else report / "index.html")
     if not logs:
         logs, test = [LOGS / "youbot_fit.csv"], test or LOGS / "youbot_test.csv"
+    console.load_effects(effects)
     start = load_model(model)
     paths = [*logs, *([test] if test else [])]
     for path in paths:
@@ -53,8 +59,14 @@ def main(
         found = diagnose(records, start, held, seed, lambda what: status.update(what))
     show(found)
     used = {path.name: digest for path, digest in zip(paths, digests, strict=True)}
-    result = found.as_dict() | {"provenance": console.provenance(seed, used)}
-    console.write_json(json_file, result)
+    history = console.provenance(seed, used)
+    console.write_json(json_file, found.as_dict() | {"provenance": history})
+    if report is not None:
+        from ident.report.diagnose import diagnosis_page
+
+        everything = (*records, *([held] if held else []))
+        page = diagnosis_page(found, in_words(history), everything)
+        console.out.print(f"\npage: {console.shown(page.write(report))}", soft_wrap=True)
 
 
 def show(found: Diagnosis) -> None:

@@ -51,6 +51,7 @@ def main(
             help="Estimate an effect of docs/effects.md too, from VALUE on; may be repeated.",
         ),
     ] = None,
+    effects: console.EffectsFile = None,
     test: Annotated[
         Path | None, typer.Option(metavar="LOG", help="Log to judge by, kept out of the fit.")
     ] = None,
@@ -108,6 +109,7 @@ def main(
     console.check_writable(out, json_file, page_file, draws_file)
     if not logs:
         logs, test = [FIT], test or TEST
+    console.load_effects(effects)
     before = load_model(model)
     added = console.parse_effects(add)
     columns = parse_mapping(mapping)

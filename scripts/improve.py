@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import console
+import numpy as np
 import typer
-from identify import read_log, refuse_double
+from identify import in_words, read_log, refuse_double, section
 
 from controllers import make
 from controllers.evaluation.motions import Motion
@@ -16,12 +17,45 @@ from controllers.evaluation.run import drive, make_env, measure
 from controllers.evaluation.subjects import Subject
 from ident.improvement import Improvement, improve
 from ident.log import Log
-from youbot_env.model import Model
+from ident.report.improve import (
+    ERRORS_HEAD,
+    base_head,
+    base_note,
+    base_rows,
+    error_rows,
+    improvement_page,
+    verdict,
+)
 from youbot_env.model_file import load_model, save_model
 
-LOGS = console.ROOT / "logs"
-# What the controllers are tried on: a figure of eight beyond the paper's 0.5 rad/s.
+FIT, TEST = console.ROOT / "logs" / "youbot_fit.csv", console.ROOT / "logs" / "youbot_test.csv"
+# What the controllers are tried on: a figure of eight beyond the 0.5 rad/s of the paper.
 TRIED = Motion("eight", 1.0, 0.3, 6.0)
+BAR = 20  # cells
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Errors of computed torque with two models, on a simulated robot that is the final one.
+
+    Attributes:
+        base, final: rms distance to the reference, m.
+        reference, frequency, speed: what was followed, rad/s and m/s.
+    """
+
+    base: float
+    final: float
+    reference: str
+    frequency: float
+    speed: float
+
+    def __str__(self) -> str:
+        return (
+            f"Computed torque along an {self.reference} at {self.frequency:g} rad/s and up to "
+            f"{self.speed:g} m/s: {1000 * self.base:.2f} mm off with the base model, "
+            f"{1000 * self.final:.2f} mm with the final one. This is a simulation in which the "
+            "final model is the robot; the real one will differ by what is still unexplained."
+        )
 
 
 def main(
@@ -33,7 +67,8 @@ def main(
         Path | None,
         typer.Option(
             metavar="LOG",
-            help="Another record of the robot; its last part is not looked at before the end.",
+            help="Another record of the robot; its last part is not looked at before the end. "
+            "Without it every fifth window of the logs is kept for that.",
         ),
     ] = None,
     model: Annotated[
@@ -49,112 +84,110 @@ def main(
     json_file: console.Json = None,
 ) -> None:
     """Add what a model is missing until nothing is, and write the final model."""
-    page_file = None if report is None else report / "index.html"
-    console.check_writable(out, json_file, page_file)
+    console.check_writable(out, json_file, None if report is None else report / "index.html")
     if not logs:
-        logs, test = [LOGS / "youbot_fit.csv"], test or LOGS / "youbot_test.csv"
+        logs, test = [FIT], test or TEST
     start = load_model(model)
     paths = [*logs, *([test] if test else [])]
     records = [read_log(path, start.platform, {}, None, None) for path in paths]
     refuse_double(records)
+    history = console.provenance(seed, {log.source: log.digest for log in records})
     held = records.pop() if test else None
     with console.err.status("reading") as status:
         done = improve(records, start, held, seed, status.update, out.stem)
-    found = done.found
-    console.out.print(f"{found.verdict.replace('_', ' ')}: {found.reason}", style="bold")
-    everything = [*records, *([held] if held else [])]
-    history = console.provenance(seed, {log.source: log.digest for log in everything})
-    if not done.stages:
-        console.write_json(json_file, done.as_dict() | {"provenance": history})
-        raise console.CheckFailed(f"record more: {found.experiment.command}")
-    show_errors(done)
-    show_base(done, records[0])
-    if found.experiment is not None and found.verdict != "cannot_say":
-        e = found.experiment
-        console.out.print(
-            f"\nto tell {' from '.join(e.separates)}: {e.command}, odds {e.odds:.3g} to 1",
-            soft_wrap=True,
-        )
-    problems = done.model.parameters.problems(done.model.platform)
-    tracking = None
-    if problems:
-        console.out.print(
-            "\nno model file for the environments: " + "; ".join(problems), soft_wrap=True
-        )
-    else:
-        save_model(replace(done.model, provenance=history), out)
-        console.out.print(f"\nmodel: {console.shown(out)}", soft_wrap=True)
-        if records[0].drive == "torque" and len(done.stages) > 1:
-            tracking = controllers_gain(done, seed)
-        show_use(out)
-    console.write_json(json_file, done.as_dict() | {"tracking": tracking, "provenance": history})
-    if report is not None:
-        from ident.report.diagnose import diagnosis_page
-
-        used = {key: str(value) for key, value in history.items() if isinstance(value, str)}
-        console.out.print(f"page: {console.shown(diagnosis_page(found, used).write(report))}")
-    if found.verdict == "cannot_say":
-        raise console.CheckFailed("nothing was added; see the reason above")
+        usable = bool(done.stages) and not done.problems
+        tracking = None
+        if usable and len(done.stages) > 1:
+            status.update("trying the controllers")
+            tracking = tried(done, records, seed)
+        gains = [*([str(tracking)] if tracking else []), *(uses(out) if usable else [])]
+        status.update("drawing")
+        page = None if report is None else improvement_page(done, gains, in_words(history))
+    if usable:
+        made = {"method": "diagnosis and free-run refinement", "start": start.name}
+        save_model(replace(done.model, provenance=history | made), out)
+    result = done.as_dict() | {
+        "model": console.shown(out) if usable else None,
+        "tracking": asdict(tracking) if tracking else None,
+        "provenance": history,
+    }
+    console.write_json(json_file, result)
+    tell(done, gains, out if usable else None, None if page is None else page.write(report))
+    if done.problems:
+        raise console.CheckFailed(f"{out} is not written: {'; '.join(done.problems)}")
+    if done.found.verdict == "cannot_say":
+        kept = "holds the refitted base" if usable else "is not written"
+        raise console.CheckFailed(f"nothing was added, {out} {kept}: {done.found.reason}")
 
 
-def show_errors(done: Improvement) -> None:
-    """The error on untouched windows, falling step by step."""
-    rows = [
-        (stage.added, *(f"{value:.3g}" for value in stage.axes), f"{100 * stage.nrmse:.3g}",
-         f"{100 * stage.covered:.0f}")
-        for stage in done.stages
-    ]  # fmt: skip
-    rows.append(("noise of the sensors", "", "", "", f"{100 * done.found.errors.floor:.3g}", "100"))
-    heads = ("with", "vx m/s", "vy m/s", "yaw rate rad/s", "free run %", "way to noise %")
-    console.table("\nFree-run error on windows that nothing was fitted to", heads, rows)
+def tried(done: Improvement, logs: list[Log], seed: int) -> Tracking:
+    """Drive a robot like the final model with a controller that believes the base or the final.
 
-
-def show_base(done: Improvement, log: Log) -> None:
-    """What each addition did to the base parameters."""
-    heads = ("", *(stage.added for stage in done.stages), "unit", "shift in s.e.")
-    rows = [
-        (name, *(f"{value:.4g}" for value in values), unit, f"{shift:+.1f}")
-        for name, unit, values, shift in done.shifts()
-    ]
-    console.table("\nBase parameters", heads, rows)
-    if log.drive == "voltage":
-        console.out.print(
-            "The drive was logged in volts: masses, inertias and frictions are in units of V per "
-            "N m of the drive.",
-            soft_wrap=True,
-        )
-
-
-def controllers_gain(done: Improvement, seed: int) -> dict[str, float]:
-    """Tracking error with the base and with the final model, on a robot like the final model."""
+    Commands may be as large as they were in the logs, or as the controller's own limit.
+    """
     robot = Subject("analytic", 0, done.model, seed)
-
-    def tracked(believed: Model) -> float:
+    largest = max(float(np.abs(log.command).max()) for log in logs)
+    errors = []
+    for believed in (done.stages[0].model, done.model):
         controller = make("computed_torque", believed)
+        limit = max(controller.settings.torque_limit, largest)
+        controller = make("computed_torque", believed, torque_limit=limit)
         env = make_env(robot, controller)
         trace = drive(controller, env, TRIED, seed)
         env.close()
-        limit, dt = controller.settings.torque_limit, controller.settings.dt
-        return measure(trace, dt, limit, TRIED.speed)["position"]
-
-    base = replace(done.stages[0].model, covariance=None)
-    before, after = tracked(base), tracked(replace(done.model, covariance=None))
-    console.out.print(
-        f"tracking error of computed torque, simulated with the final model as the robot: "
-        f"{1000 * before:.2f} mm with the base model, {1000 * after:.2f} mm with the final one",
-        soft_wrap=True,
-    )
-    return {"base_m": before, "final_m": after, "reference": TRIED.name,
-            "frequency": TRIED.frequency}  # fmt: skip
+        errors.append(measure(trace, controller.settings.dt, limit, TRIED.speed)["position"])
+    return Tracking(*errors, TRIED.name, TRIED.frequency, TRIED.speed)
 
 
-def show_use(out: Path) -> None:
-    """How to go on."""
+def uses(out: Path) -> list[str]:
+    """Lines that put the model to use."""
     path = console.shown(out)
-    console.out.print(f'\n  gym.make("YouBot-v0", model="{path}")', soft_wrap=True)
-    console.out.print(f'  controllers.make("computed_torque", model="{path}")', soft_wrap=True)
-    console.out.print(f"  python scripts/compare.py LOG --model nominal {path}", soft_wrap=True)
+    return [
+        f'gym.make("YouBot-v0", model="{path}")',
+        f'controllers.make("computed_torque", model="{path}")',
+        f"python scripts/compare.py LOG --model nominal {path}",
+    ]
+
+
+def tell(done: Improvement, gains: list[str], out: Path | None, page: Path | None) -> None:
+    """Say what was added, how the error fell, and what to do with the model."""
+    found = done.found
+    console.out.print(verdict(done), style="bold", soft_wrap=True)
+    if done.stages:
+        errors = [*(stage.nrmse for stage in done.stages), found.errors.floor]
+        bars = ["\u2588" * max(1, round(BAR * error / errors[0])) for error in errors]
+        rows = [(*row, bar) for row, bar in zip(error_rows(done), bars, strict=True)]
+        console.out.print()
+        title = f"Free run on {found.errors.windows} untouched windows, rms errors"
+        drawn = [f"{row[-1]:<{BAR}}" for row in rows]
+        rows = [(*row[:-1], bar) for row, bar in zip(rows, drawn, strict=True)]
+        console.table(title, (*ERRORS_HEAD, ""), rows)
+        console.out.print()
+        console.table("Base parameters and lumps", base_head(done), base_rows(done))
+        if base_note(done):
+            console.out.print(base_note(done), soft_wrap=True)
+        sizes = [
+            (f"{active.identifier}.{flat}", f"{value:.4g}", active.effect.parameter_of(flat).unit)
+            for active in done.stages[-1].model.effects
+            for flat, value in active.values.items()
+        ]
+        if sizes:
+            console.out.print()
+            console.table("Effects in the final model", ("", "value", "unit"), sizes)
+    section("Effects that these logs do not tell apart", [
+        " or ".join(step.group) for step in found.named if len(step.group) > 1
+    ])  # fmt: skip
+    section("What the rest depends on", [f"{s}, {100 * g:.0f} % of the squared error"
+            for s, g in found.depends_on])  # fmt: skip
+    if found.experiment is not None:
+        section("What to record next", [found.experiment.command])
+    section("What the controllers gain", gains)
+    console.out.print()
+    if out is not None:
+        console.out.print(f"model: {out}", soft_wrap=True)
+    hint = "add --report DIR for the page with the figures" if page is None else f"page: {page}"
+    console.out.print(hint, soft_wrap=True)
 
 
 if __name__ == "__main__":
-    console.run(main, "logs/youbot_fit.csv --test logs/youbot_test.csv --out runs/improved.yaml")
+    console.run(main, "mine.csv --test other.csv --out mine.yaml --report report/improve")

@@ -36,6 +36,7 @@ def record(
     ] = "analytic",
     model: Annotated[str, typer.Option(help="True robot: model file, nominal or paper.")] = "paper",
     effect: console.Effects = None,
+    effects: console.EffectsFile = None,
     motion: Annotated[str, typer.Option(help=f"One of {', '.join(REFERENCES)}.")] = "calibration",
     speed: Annotated[
         float | None, typer.Option(help="Peak speed of the centre, m/s; the motion's own if left.")
@@ -69,6 +70,7 @@ def record(
     console.check_writable(log, truth, json_file)
     if log.suffix.lower() != ".csv":
         raise ValueError(f"--out {log}: logs are written as CSV; end the name in .csv")
+    console.load_effects(effects)
     robot = load_model(model)
     robot = robot.with_effects(console.parse_effects(effect), name=log.stem)
     sensors, loop = Sensors() if noise else None, WheelLoop()
@@ -82,7 +84,7 @@ def record(
         "frequency": frequency, "seconds": seconds, "rate": rate, "floor_friction": floor_friction,
         "seed": seed,
     }  # fmt: skip
-    command = canonical_command(options, effect, noise, hide)
+    command = canonical_command(options, effect, effects, noise, hide)
     decimals = NOISY_DECIMALS if noise else EXACT_DECIMALS
     write_table(log, columns, [command, *([] if hide else effect_lines(robot))], decimals)
     digest = sha256(log.read_bytes()).hexdigest()
@@ -153,7 +155,9 @@ def choose_motion(
     return make_reference(name, **chosen)
 
 
-def canonical_command(options: dict, effects: list[str] | None, noise: bool, hide: bool) -> str:
+def canonical_command(
+    options: dict, effects: list[str] | None, file: Path | None, noise: bool, hide: bool
+) -> str:
     """What makes the log the same again: all that shapes it, nothing about where it went."""
     words = ["python", "scripts/record.py"]
     for name, value in options.items():
@@ -165,6 +169,8 @@ def canonical_command(options: dict, effects: list[str] | None, noise: bool, hid
     words += ["--noise" if noise else "--no-noise"]
     for effect in [] if hide else effects or []:
         words += ["--effect", effect]
+    if file is not None and not hide:
+        words += ["--effects", console.shown(file)]
     return shlex.join(words) + (" --hide" if hide else "")
 
 

@@ -209,7 +209,7 @@ class Round:
         ]
 
     def _gained(self, number: int) -> bool:
-        """Whether it removes enough of what is left, or of everything where rollers may feign it."""
+        """Tell whether it removes enough: of what is left, or of all where rollers may feign it."""
         share = 1.0 if self.wheels_agree else min(1.0, self.error / self.origin)
         return self.gains[number] * share > LEAST_GAIN
 

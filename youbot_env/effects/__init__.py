@@ -9,7 +9,19 @@ from functools import cache
 
 from youbot_env.effects.base import Effect, Parameter, Signals
 
-__all__ = ["Effect", "Parameter", "Signals", "effect_names", "get_effect", "register"]
+__all__ = [
+    "Effect",
+    "Parameter",
+    "Signals",
+    "effect_names",
+    "get_effect",
+    "register",
+    "unregister",
+]
+
+STATED = ("identifier", "title", "equation", "link", "parameters")
+LINKS = ("drive", "shaft", "roller", "body", "kinematics")
+HOOKS = ("drive", "delay", "shaft", "roller", "body", "inertial", "kinematics", "slip")
 
 _EXTRA: dict[str, type[Effect]] = {}
 
@@ -29,13 +41,26 @@ def register(effect: type[Effect]) -> type[Effect]:
     """Make an effect defined outside this folder known by its identifier; usable as a decorator.
 
     Raises:
-        ValueError: the identifier belongs to another effect already.
+        ValueError: the class does not state what an effect is, or the identifier belongs to
+            another effect already.
     """
+    missing = [name for name in STATED if not getattr(effect, name, None)]
+    if missing:
+        raise ValueError(f"effect class {effect.__qualname__} does not state {missing}")
+    if effect.link not in LINKS:
+        raise ValueError(f"effect {effect.identifier!r}: link {effect.link!r} is none of {LINKS}")
+    if not any(effect.acts(hook) for hook in HOOKS):
+        raise ValueError(f"effect {effect.identifier!r} does nothing; override one of {HOOKS}")
     known = {**_shipped(), **_EXTRA}.get(effect.identifier)
     if known is not None and known.__qualname__ != effect.__qualname__:
         raise ValueError(f"effect {effect.identifier!r} exists already: {known.__qualname__}")
     _EXTRA[effect.identifier] = effect
     return effect
+
+
+def unregister(identifier: str) -> None:
+    """Forget an effect that was registered from outside this folder; no harm if there is none."""
+    _EXTRA.pop(identifier, None)
 
 
 def effect_names() -> tuple[str, ...]:
