@@ -165,8 +165,11 @@ def diagnose(
         outside = now.outside(group[0] if group else None) and not any(
             not step.background for step in steps
         )
-        if not group or outside:
+        # Where the wheels agree the end shows better whether effects leave too much: two effects
+        # may look like one that is not in the library.
+        if not group or (outside and not now.wheels_agree):
             break
+        outside = False
         best = group[0]
         steps.append(
             Step(best, tuple(c.identifier for c in group), float(now.p[best.number]), False,
