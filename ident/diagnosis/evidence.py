@@ -18,20 +18,17 @@ from scipy import stats
 from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.parts import FIT, SELECT, Part
 from ident.diagnosis.reduced import Reduced
+from ident.diagnosis.rows import averaged, score, stretches, whitened
 from ident.diagnosis.trials import Trial
-from ident.output_error import free_directions, settled
+from ident.output_error import free_directions
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
 
 # Blocks of each log that are left out in turn: in a calibration log these are its motions.
 BLOCKS = 4
-# Averages over samples bring the rows to about this rate, Hz, faster than the robot can answer.
-RATE = 25.0
 # Shrinks the coefficients of dependences, which have many.
 RIDGE = 1e-3
 DRAWS = 999
-# Stretches of about this length, s, longer than the robot remembers, are taken as independent.
-STRETCH = 0.8
 # Stretches that a test needs for each coefficient; with fewer its law is no longer Fisher's.
 CLUSTERS_EACH = 3
 
@@ -94,11 +91,11 @@ class Evidence:
             made = [dependence.make(sim) for dependence in generic]
             forced = sim.force_columns([wrench for wrenches in made for wrench in wrenches])
             wide = [own, *mixed, forced, sim.residual[..., None]]
-            rows = _averaged(sim, np.concatenate(wide, axis=-1) * part.weights[:, None])
+            rows = averaged(sim, np.concatenate(wide, axis=-1) * part.weights[:, None])
             flat = rows.reshape(len(rows), -1, rows.shape[-1])
             grams.append(flat.transpose(0, 2, 1) @ flat)
             if part.windows(FIT).any():
-                tested.append(_stretches(rows[part.windows(FIT)], sim))
+                tested.append(stretches(rows[part.windows(FIT)], sim))
             role.append(part.role)
             log.append(np.full(len(part.role), number))
         grams = np.concatenate(grams)
@@ -115,7 +112,7 @@ class Evidence:
         role, log = np.concatenate(role), np.concatenate(log)
         everything = grams[role == FIT].sum(axis=0)
         share = Reduced.of(everything, everything, base).share
-        scores = np.concatenate([_scores(rows / by, share, base) for rows in tested])
+        scores = np.concatenate([score(rows / by, share, base) for rows in tested])
         return cls(
             model,
             tuple(found),
@@ -245,7 +242,7 @@ class Evidence:
         single, drawn = np.ones(len(self.columns)), np.ones((len(self.columns), DRAWS))
         for trial in range(len(self.columns)):
             scores = self.scores[:, self.columns[trial] - self.base]
-            turn = _whitened(scores)
+            turn = whitened(scores)
             freedom = turn.shape[1]
             if freedom == 0 or count < CLUSTERS_EACH * freedom:
                 continue
@@ -269,40 +266,3 @@ class Evidence:
                 rivals = [within[k] if other == family else best[other] for other in effects]
                 adjusted[k] = stats.false_discovery_control(rivals)[effects.index(family)]
         return within, adjusted
-
-
-def _stretches(rows: np.ndarray, sim: Linearised) -> np.ndarray:
-    """Rows (W, l, m, n) of windows as rows (stretches, r, n)."""
-    windows, length, _, count = rows.shape
-    parts = max(1, round(length * _together(sim) * sim.log.dt / STRETCH))
-    length -= length % parts
-    return rows[:, :length].reshape(windows * parts, -1, count)
-
-
-def _together(sim: Linearised) -> int:
-    """Samples that are averaged to one row."""
-    return max(1, round(1.0 / (RATE * sim.log.dt)))
-
-
-def _scores(rows: np.ndarray, share: np.ndarray, base: int) -> np.ndarray:
-    """(stretches, n - base - 1) inner products of columns and errors, less what the base takes."""
-    left = rows[..., base:] - rows[..., :base] @ share
-    return np.einsum("srk,sr->sk", left[..., :-1], left[..., -1], optimize=True)
-
-
-def _averaged(sim: Linearised, rows: np.ndarray) -> np.ndarray:
-    """Settled samples (W, L, m, n) averaged to about RATE, as rows (W, l, m, n)."""
-    rows = settled(sim, rows)
-    together = _together(sim)
-    count = rows.shape[1] // together
-    rows = rows[:, : count * together].reshape(len(rows), count, together, *rows.shape[2:])
-    # A mean over k samples of white noise has k times less variance: each row stands for k.
-    rows = rows.mean(axis=2) * np.sqrt(together)
-    return np.nan_to_num(rows)
-
-
-def _whitened(scores: np.ndarray) -> np.ndarray:
-    """(k, r) combinations of scores with unit scatter, leaving out those without any."""
-    strength, turn = np.linalg.eigh(scores.T @ scores)
-    strong = strength > 1e-9 * max(strength[-1], 1e-300)
-    return turn[:, strong] / np.sqrt(strength[strong])
