@@ -132,7 +132,7 @@ def test_a_robot_at_rest_shows_nothing():
 
 
 def test_effects_take_part_under_their_names():
-    model = NOMINAL.with_effects({"torque_offset": None, "wheel_coulomb_friction": None})
+    model = NOMINAL.with_effects({"torque_offset": {"b_fl": 0.1}, "wheel_coulomb_friction": None})
     reference = make_reference("calibration", frequency=0.8, seconds=40.0)
     offsets = [f"torque_offset.b_{wheel}" for wheel in model.platform.wheel_names]
     log = record(reference, 40.0, model)
