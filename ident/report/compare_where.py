@@ -140,7 +140,7 @@ def _draw_signals(canvas, comparison: Comparison, panels: list[tuple], height: f
     columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
     axes = canvas.subplots(rows, columns, squeeze=False).ravel()
-    canvas.subplots_adjust(0.07, 0.5 / height, 0.985, 1 - 0.62 / height, hspace=0.42, wspace=0.2)
+    canvas.subplots_adjust(0.07, 0.5 / height, 0.985, 1 - 0.62 / height, hspace=0.42, wspace=0.25)
     stretch = stretch_numbers(comparison.regression)
     # Over time a bin holds few stretches, so they are cut shorter.
     short = cluster_numbers(comparison.regression, PER_BIN * BINS)

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from ident.comparison import Comparison, compare
-from ident.diagnosis.parts import VERIFY, Part
-from ident.diagnosis.power import Reach
+from ident.comparison import compare
+from ident.diagnosis.experiment import CERTAIN
+from ident.diagnosis.power import POWER, Reach
 from ident.diagnosis.rounds import LEAST_GAIN
 from ident.diagnosis.verdict import Diagnosis
-from ident.free_run import FreeRun, free_run
 from ident.log import Log
-from ident.report import compare_where, motion
-from ident.report.compare_words import WHERE_HEAD, note, probability, where_rows
-from ident.report.diagnose_figures import (
-    dependence_figure,
-    error_steps_figure,
-    gains_figure,
-    sizes_figure,
-)
-from ident.report.look import IDENTIFIED, NOMINAL
+from ident.physical import invisible
+from ident.report import motion
+from ident.report.compare_words import probability
+from ident.report.diagnose_error import depends_on, ends, falling, where
+from ident.report.diagnose_figures import gains_figure, sizes_figure
 from ident.report.outcome import interval, percent, rounded
 from ident.report.page import Grid, Notes, Page, Picture, Section
-from ident.sensitivity import window_length
 from youbot_env.effects import get_effect
 
 HEADLINES = {
@@ -34,8 +26,6 @@ HEADLINES = {
     "outside_library": "Missing, and not in the library",
     "cannot_say": "These logs cannot say",
 }
-REGIMES = 10
-FALLING = "The error on untouched windows"
 
 
 def diagnosis_page(
@@ -91,37 +81,42 @@ def sections(found: Diagnosis, logs: tuple[Log, ...] = ()) -> list[Section]:
     if found.first is None:
         shown = [_experiment(found), *(_log(log) for log in logs)]
     else:
-        compared = compare(found.first.parts[0].log, _ends(found))
+        compared = compare(found.first.parts[0].log, ends(found))
         shown = [
             _tried(found),
             _sizes(found),
-            _falling(found),
-            _left(found, compared[-1]),
-            _where(compared),
             _experiment(found),
+            falling(found),
+            depends_on(found, compared),
+            where(compared),
         ]
     return [section for section in shown if section is not None]
 
 
-def _ends(found: Diagnosis) -> list:
-    """The base model and, where something was added, the last one, named as on the page."""
-    ends = [replace(found.base, name="base model")]
-    return ends + [replace(found.model, name="final model")] * (len(found.chain) > 1)
+def units_note(log: Log) -> str:
+    """What units mean where the drive was logged in volts; empty for a log of torques."""
+    if log.drive == "torque":
+        return ""
+    words = invisible([log])[0]
+    return f"{words[0].upper()}{words[1:]}; units stand for themselves times volts per N m."
 
 
 def _tried(found: Diagnosis) -> Section:
     named = tuple(step.best.identifier for step in found.steps)
     caption = (
-        "On top of the base model, each effect alone in its best form. Bold: added. An effect that "
-        "is looked for and not there makes errors larger where it was not fitted. Right: the "
-        "smallest size that these logs show with a chance of 80 %, and the chance for the typical "
-        "size."
+        "On top of the base model, each effect alone in its best form. Those that pass are refined "
+        "together with the base parameters; of those that then fit alike the simplest is added "
+        "(bold). An effect that is looked for and not there makes errors larger where it was not "
+        "fitted; an arrow: by more than the picture shows. Right: the smallest size that these "
+        f"logs show with a chance of {100 * POWER:.0f} %, and the chance to see the typical size."
     )
+    if found.first.parts[0].log.drive == "voltage":
+        caption += " Typical are sizes in N m; beside sizes in volts they say little."
     head = ("effect", "size", "on its own", "95 % interval", "unit", "gain %", "p adjusted")
     rows = [
         (r.effect, r.parameter, _figure(r.size, r), " ... ".join(_figure(v, r) for v in r.ci95),
          r.unit or "-", f"{100 * r.gain:.1f}", probability(r.p))
-        for r in found.reach
+        for r in sorted(found.reach, key=lambda one: -one.gain)
     ]  # fmt: skip
     table = (
         "Sizes before anything else is added: effects that stand in for a missing one take its "
@@ -163,6 +158,8 @@ def _sizes(found: Diagnosis) -> Section | None:
             )
     head = ("effect", "", "meaning", "value", "95 % interval", "unit", "p adjusted")
     blocks: list = [Grid(head, rows, "In the final model.", words=(0, 1, 2, 5))]
+    if units := units_note(found.first.parts[0].log):
+        notes.append(units)
     if notes:
         blocks.append(Notes(notes))
     if drawn:
@@ -171,99 +168,35 @@ def _sizes(found: Diagnosis) -> Section | None:
     return Section("What was added", blocks)
 
 
-def _falling(found: Diagnosis) -> Section:
-    errors = found.errors
-    low, high = (percent(end) for end in errors.drop_ci95)
-    caption = (
-        "Rms free-run errors on windows that nothing was fitted to or chosen by, with each effect "
-        "that was added."
-    )
-    if len(errors.nrmse) > 1:
-        caption += f" The error falls by {percent(1 - errors.after / errors.before)}, 95 % interval"
-        caption += f" {low} ... {high} ({errors.windows} windows)."
-    part = max(found.first.parts, key=lambda part: part.windows(VERIFY).sum())
-    colors = (NOMINAL, IDENTIFIED)
-    runs = [
-        (model.name, color, untouched(part, free_run(part.log, model, window_length(part.log))))
-        for model, color in zip(_ends(found), colors, strict=False)
-    ]
-    seen = (
-        f"{part.log.name}: windows that were kept for the end, measured and simulated from the "
-        "drive input alone. A line that breaks starts anew at the measured velocity."
-    )
-    blocks = [
-        Picture("error_falling", error_steps_figure(errors), caption),
-        Picture("velocities", motion.velocities_figure(runs), seen),
-    ]
-    return Section(FALLING, blocks, note(part.log))
-
-
-def untouched(part: Part, run: FreeRun) -> FreeRun:
-    """The windows of a run that were kept for the end."""
-    rows = part.windows(VERIFY)[run.window]
-    return FreeRun(run.time[rows], run.simulated[rows], run.measured[rows], run.window[rows])
-
-
-def _left(found: Diagnosis, final: Comparison) -> Section:
-    title = "What the remaining error depends on"
-    signals = [signal for signal, _ in found.depends_on]
-    if not signals:
-        words = (
-            "No signal that was tried (speeds, torque, heading, place, time, wheel angle, history "
-            f"of the direction) explains {100 * LEAST_GAIN:.0f} % of what the final model leaves."
-        )
-        return Section(title, [], words)
-    gains = ", ".join(f"{signal} ({percent(gain)})" for signal, gain in found.depends_on)
-    words = f"Strongest first, with the share of the squared free-run error behind it: {gains}."
-    drawn = dependence_figure(final, signals)
-    if drawn is None:
-        return Section(title, [], words)
-    caption = (
-        f"Mean of what the equations of the {final.model.name} leave of {final.log.name}, with "
-        "95 % intervals from stretches of time. Over wheel signals: as torque on that wheel's "
-        "shaft"
-        + (", along its rotation" if "history of the direction" in signals else "")
-        + ". Over the others: forces on the body, the moment over the lever L."
-    )
-    return Section(title, [Picture("depends_on", drawn, caption)], words)
-
-
-def _where(compared: list[Comparison]) -> Section:
-    words = (
-        f"The squared equation error on {compared[0].log.name}, divided over kinds of moments. "
-        "Filled: more error than time by more than chance, at a false discovery rate of 5 %."
-    )
-    blocks: list = []
-    for comparison in compared:
-        shown = comparison.where[:REGIMES]
-        name = comparison.model.name
-        caption = f"{name.capitalize()}: share of the error over share of the time."
-        picture = compare_where.regimes_figure(shown)
-        blocks.append(Picture(f"where_{name.split()[0]}", picture, caption))
-    grid = Grid(WHERE_HEAD, where_rows(compared[0].where, REGIMES), "Base model.", words=(0, 6))
-    return Section("Where the error is", [*blocks, grid], words)
-
-
 def _experiment(found: Diagnosis) -> Section | None:
     e = found.experiment
     if e is None:
         return None
-    words = [f"{e.motion} ({e.purpose}), {60 * e.minutes:.0f} s: {e.command}"]
+    words = [
+        f"{e.motion}: {e.purpose}, {60 * e.minutes:.0f} s.",
+        f"With a simulated robot: {e.command}",
+    ]
     if e.separates:
         words.append(
-            f"It tells {' from '.join(e.separates)}; expected odds after it {odds(e.odds)}, from "
+            f"It tells {' from '.join(e.separates)}: expected odds {odds(e.odds)}, from "
             "simulations of each with the other fitted to it."
         )
     blocks: list = [Notes(words)]
     if e.alternatives:
         rows = [(name, odds(value)) for name, value in ((e.motion, e.odds), *e.alternatives)]
-        blocks.append(Grid(("motion", "odds"), rows, "Equal lengths."))
+        blocks.append(
+            Grid(
+                ("motion", "odds"), rows, "Odds of the true effect after a record of equal length."
+            )
+        )
     return Section("What to record next", blocks)
 
 
 def odds(value: float) -> str:
     """Odds as people say them."""
-    return f"{value:.0f} to 1" if value >= 9.5 else f"{value:.1f} to 1"
+    if value >= CERTAIN:
+        return f"more than {CERTAIN:,.0f} to 1"
+    return f"{value:,.0f} to 1" if value >= 9.5 else f"{value:.1f} to 1"
 
 
 def _log(log: Log) -> Section:

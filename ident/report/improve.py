@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ident.improvement import Improvement, Stage
-from ident.physical import invisible
 from ident.report import diagnose as diagnosis
+from ident.report.diagnose_error import FALLING
 from ident.report.diagnose_figures import base_figure
 from ident.report.outcome import percent, rounded
 from ident.report.page import Grid, Notes, Page, Picture, Section
@@ -23,7 +23,7 @@ def improvement_page(done: Improvement, gains: list[str], provenance: dict[str, 
         provenance: how it came about, by name.
     """
     found, parts = done.found, {part.title: part for part in diagnosis.sections(done.found)}
-    falling, shown = parts.pop(diagnosis.FALLING, None), []
+    falling, shown = parts.pop(FALLING, None), []
     if falling is not None:
         table = Grid(ERRORS_HEAD, error_rows(done), "Rms errors in free run.")
         shown += [replace(falling, blocks=[falling.blocks[0], table, *falling.blocks[1:]])]
@@ -93,11 +93,7 @@ def base_rows(done: Improvement) -> list[tuple[str, ...]]:
 
 def base_note(done: Improvement) -> str:
     """What the units of the base parameters are."""
-    log = done.found.first.parts[0].log
-    if log.drive == "torque":
-        return ""
-    words = invisible([log])[0]
-    return f"{words[0].upper()}{words[1:]}; units stand for themselves times volts per N m."
+    return diagnosis.units_note(done.found.first.parts[0].log)
 
 
 def _base(done: Improvement) -> Section:

@@ -1,0 +1,127 @@
+"""Sections of a diagnosis on the error: how it falls, what it depends on, and where it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ident.comparison import Comparison
+from ident.diagnosis.parts import VERIFY, Part
+from ident.diagnosis.rounds import LEAST_GAIN
+from ident.diagnosis.verdict import Diagnosis
+from ident.free_run import FreeRun, free_run
+from ident.report import compare_where, motion
+from ident.report.compare_words import WHERE_HEAD, where_rows
+from ident.report.diagnose_figures import error_steps_figure
+from ident.report.diagnose_left import dependence_figure
+from ident.report.look import IDENTIFIED, NOMINAL
+from ident.report.outcome import percent
+from ident.report.page import Grid, Picture, Section
+from ident.sensitivity import window_length
+from youbot_env.model import Model
+
+FALLING = "The error on untouched windows"
+REGIMES, SIGNALS = 10, 3
+
+
+def ends(found: Diagnosis) -> list[Model]:
+    """The base model and, where something was added, the last one, named as on the page."""
+    models = [replace(found.base, name="base model")]
+    return models + [replace(found.model, name="final model")] * (len(found.chain) > 1)
+
+
+def falling(found: Diagnosis) -> Section:
+    """The error step by step, and the motion behind it."""
+    errors = found.errors
+    low, high = (percent(end) for end in errors.drop_ci95)
+    caption = (
+        "Rms free-run errors on windows that nothing was fitted to or chosen by, with each effect "
+        "that was added."
+    )
+    if len(errors.nrmse) > 1:
+        caption += f" The error falls by {percent(1 - errors.after / errors.before)}, 95 % interval"
+        caption += f" {low} ... {high} ({errors.windows} windows)."
+    part = max(found.first.parts, key=lambda part: part.windows(VERIFY).sum())
+    colors = (NOMINAL, IDENTIFIED)
+    runs = [
+        (model.name, color, untouched(part, free_run(part.log, model, window_length(part.log))))
+        for model, color in zip(ends(found), colors, strict=False)
+    ]
+    seen = (
+        f"{part.log.name}: windows that were kept for the end, measured and simulated from the "
+        "drive input alone. A line that breaks starts anew at the measured velocity."
+    )
+    blocks = [
+        Picture("error_falling", error_steps_figure(errors), caption),
+        Picture("velocities", motion.velocities_figure(runs), seen),
+    ]
+    return Section(FALLING, blocks)
+
+
+def untouched(part: Part, run: FreeRun) -> FreeRun:
+    """The windows of a run that were kept for the end."""
+    rows = part.windows(VERIFY)[run.window]
+    return FreeRun(run.time[rows], run.simulated[rows], run.measured[rows], run.window[rows])
+
+
+def depends_on(found: Diagnosis, compared: list[Comparison]) -> Section:
+    """The residual over the signals it depends on, before anything was added and after."""
+    before, after = found.first.dependences()[:SIGNALS], list(found.depends_on)
+    names = [comparison.model.name for comparison in compared]
+    if not before and not after:
+        words = _told(" and the ".join(names), after)
+    else:
+        pairs = zip(names, (before, after)[-len(names) :], strict=True)
+        words = " ".join(_told(name, signals) for name, signals in pairs)
+    if len(before) > 1 or len(after) > 1:
+        words += " Signals that go together in a log share what is behind them."
+    blocks: list = []
+    signals = [signal for signal, _ in before]
+    if len(compared) > 1 and signals:
+        # The same signals twice: what was a curve should be flat.
+        blocks += _curves("base_depends_on", compared[0], signals)
+        signals += [signal for signal, _ in after if signal not in signals]
+        blocks += _curves("depends_on", compared[-1], signals)
+    elif after:
+        blocks += _curves("depends_on", compared[-1], [signal for signal, _ in after])
+    return Section("What the error depends on", blocks, words)
+
+
+def _told(name: str, signals: list[tuple[str, float]]) -> str:
+    if not signals:
+        return (
+            "No signal that was tried (speeds, torque, heading, place, time, wheel angle, history "
+            f"of the direction) explains {100 * LEAST_GAIN:.0f} % of the error of the {name}."
+        )
+    gains = ", ".join(f"{signal} ({percent(gain)})" for signal, gain in signals)
+    return f"Error of the {name}, with the share of its square behind each signal: {gains}."
+
+
+def _curves(stem: str, comparison: Comparison, signals: list[str]) -> list[Picture]:
+    drawn = dependence_figure(comparison, signals)
+    if drawn is None:
+        return []
+    caption = (
+        f"Mean of what the equations of the {comparison.model.name} leave of "
+        f"{comparison.log.name}, with 95 % intervals from stretches of time. Over wheel signals: "
+        "as torque on that wheel's shaft"
+        + (", along its rotation where over time" if "history of the direction" in signals else "")
+        + ". Over the others: forces on the body, the moment over the lever L."
+    )
+    return [Picture(stem, drawn, caption)]
+
+
+def where(compared: list[Comparison]) -> Section:
+    """In which moments the error of the base and of the final model gathers."""
+    words = (
+        f"The squared equation error on {compared[0].log.name}, divided over kinds of moments. "
+        "Filled: more error than time by more than chance, at a false discovery rate of 5 %."
+    )
+    blocks: list = []
+    for comparison in compared:
+        shown = comparison.where[:REGIMES]
+        name = comparison.model.name
+        caption = f"{name.capitalize()}: share of the error over share of the time."
+        picture = compare_where.regimes_figure(shown)
+        blocks.append(Picture(f"where_{name.split()[0]}", picture, caption))
+    grid = Grid(WHERE_HEAD, where_rows(compared[0].where, REGIMES), "Base model.", words=(0, 6))
+    return Section("Where the error is", [*blocks, grid], words)
