@@ -7,13 +7,11 @@ Exit status 0: done.  1: a check failed.  2: bad input, told in one message on s
 from __future__ import annotations
 
 import functools
-import importlib.util
 import json
 import os
 import shlex
 import subprocess
 import sys
-import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -28,7 +26,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from youbot_env.effects import Effect, get_effect, register
+from youbot_env.effects import get_effect
+from youbot_env.effects_file import load_effects_file
 from youbot_env.model_file import write_atomically
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -152,39 +151,15 @@ def parse_effects(arguments: Iterable[str] | None) -> dict[str, dict[str, float]
 
 
 def load_effects(path: Path | None) -> tuple[str, ...]:
-    """Run a Python file and register the effects it defines; call it before models are read.
-
-    Returns:
-        Identifiers of the effects, in the order of the file; none where no file is given.
+    """Make the effects of a file known, if one is given; call it before models are read.
 
     Raises:
-        ValueError: no such file, a mistake in it, or no effect defined in it.
+        ValueError: what is wrong with the file.
     """
-    if path is None:
-        return ()
-    name = f"effects_of_{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if path.suffix != ".py" or not path.is_file() or spec is None:
-        raise ValueError(f"--effects {shown(path)}: no such Python file; check the name")
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
-        defined = [
-            register(item)
-            for item in vars(module).values()
-            if isinstance(item, type) and issubclass(item, Effect) and item.__module__ == name
-        ]
-    except Exception as error:  # whatever a user's file raises is told, with its line
-        where = _line_in(path, error)
-        raise ValueError(
-            f"--effects {shown(path)}{where}: {type(error).__name__}: {error}"
-        ) from error
-    if not defined:
-        raise ValueError(
-            f"--effects {shown(path)}: no effect in it; define a subclass of youbot_env.effects"
-            ".Effect, as in docs/add_an_effect.md"
-        )
-    return tuple(effect.identifier for effect in defined)
+        return () if path is None else load_effects_file(path)
+    except ValueError as error:
+        raise ValueError(f"--effects {shown(path)}: {error}") from error
 
 
 def check_writable(*paths: Path | None) -> None:
@@ -273,15 +248,6 @@ def progress(title: str, total: float, unit: str = "") -> Iterator[Callable[[flo
 
 def _script() -> str:
     return f"python scripts/{Path(sys.argv[0]).name}"
-
-
-def _line_in(path: Path, error: BaseException) -> str:
-    """`` line N``: where in that file an error came from; empty where it came from elsewhere."""
-    if isinstance(error, SyntaxError):
-        return ""  # its own text says the line
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
-    return f" line {lines[-1]}" if lines else ""
 
 
 def _split_option(word: str) -> tuple[str, str, str]:

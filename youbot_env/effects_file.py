@@ -1,0 +1,55 @@
+"""Effects of one's own, from a Python file anywhere."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+import traceback
+from pathlib import Path
+
+from youbot_env.effects import Effect, register
+
+
+def load_effects_file(path: str | os.PathLike) -> tuple[str, ...]:
+    """Run a Python file and register the effects it defines; call it before models are read.
+
+    Returns:
+        Identifiers of the effects, in the order of the file.
+
+    Raises:
+        ValueError: no such file, a mistake in it (told with its line), or no effect in it.
+    """
+    path = Path(path)
+    if path.suffix != ".py" or not path.is_file():
+        raise ValueError(f"no Python file {path.name!r} with effects; check the name")
+    name = f"effects_of_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+        # A class may stand under two names.
+        own = {
+            item: None
+            for item in vars(module).values()
+            if isinstance(item, type) and issubclass(item, Effect) and item.__module__ == name
+        }
+        found = tuple(register(item).identifier for item in own if hasattr(item, "identifier"))
+    except Exception as error:  # whatever the file raises is told
+        del sys.modules[name]
+        raise ValueError(
+            f"{path.name}{_line(path, error)}: {type(error).__name__}: {error}"
+        ) from error
+    if not found:
+        raise ValueError(
+            f"{path.name} defines no effect; it needs a subclass of youbot_env.effects.Effect with "
+            "an identifier, see docs/add_an_effect.md"
+        )
+    return found
+
+
+def _line(path: Path, error: Exception) -> str:
+    """Tell where in that file an error came from; nothing where its own text does."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if Path(frame.filename) == path]
+    return f", line {lines[-1]}" if lines else ""
