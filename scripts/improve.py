@@ -80,10 +80,12 @@ def main(
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
+    effects: console.EffectsFile = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
 ) -> None:
     """Add what a model is missing until nothing is, and write the final model."""
+    console.load_effects(effects)
     console.check_writable(out, json_file, None if report is None else report / "index.html")
     if not logs:
         logs, test = [FIT], test or TEST

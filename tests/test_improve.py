@@ -1,0 +1,71 @@
+"""The loop: the error falls step by step, the model file works, refusals are told."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from ident.improvement import improve
+from ident.log import Log
+from youbot_env.model_file import load_model
+from youbot_env.references import SmoothRandom, calibration_sequence
+from youbot_env.simulation import Sensors, record_closed_loop
+
+ROOT = Path(__file__).resolve().parent.parent
+HIDDEN = {"wheel_coulomb_friction": 0.15, "floor_slope": {"sx": 0.012, "sy": -0.008}}
+
+
+@pytest.fixture(scope="module")
+def logs():
+    robot, found = load_model("paper").with_effects(HIDDEN), []
+    motions = ((calibration_sequence(seconds=80.0), 80.0), (SmoothRandom(0.35, 1.5), 40.0))
+    for seed, (motion, seconds) in enumerate(motions):
+        times = np.arange(seconds * 100) / 100
+        channels = record_closed_loop(robot, motion, times, Sensors(), seed=seed)
+        found.append(Log(f"log{seed}", robot.platform, **channels))
+    return found
+
+
+def test_error_falls_at_every_step_and_the_base_returns(logs):
+    done = improve(logs[0], "nominal", logs[1])
+    assert {stage.added for stage in done.stages[1:]} == set(HIDDEN)
+    errors = [stage.nrmse for stage in done.stages]
+    assert errors == sorted(errors, reverse=True)
+    assert done.stages[0].covered == 0.0
+    assert done.stages[-1].covered > 0.9
+    truth = load_model("paper").parameters
+    first, last = (
+        abs(stage.base["a_y"].value - truth.a_y) for stage in done.stages[:: len(errors) - 1]
+    )
+    assert last < 0.2 * first
+    mu1 = [stage.base["mu1"] for stage in done.stages]
+    assert abs(mu1[-1].value - mu1[0].value) > 5 * mu1[-1].se
+
+
+def test_script_writes_a_model_that_drives(logs, tmp_path):
+    paths = [log.save(tmp_path / f"{k}.csv") for k, log in zip("ab", logs, strict=True)]
+    out, file = tmp_path / "model.yaml", tmp_path / "i.json"
+    command = [sys.executable, "scripts/improve.py", str(paths[0]), "--test", str(paths[1])]
+    done = subprocess.run(
+        [*command, "--out", str(out), "--json", str(file)],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    result = json.loads(file.read_text())
+    assert {stage["added"] for stage in result["stages"]} == {None, *HIDDEN}
+    env = gym.make("YouBot-v0", model=str(out))
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    short = logs[0].part(0.0, 8.0).save(tmp_path / "short.csv")
+    refused = subprocess.run(
+        [*command[:2], str(short), "--out", str(tmp_path / "none.yaml")],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert refused.returncode == 1
+    assert "20 s" in refused.stdout
+    assert "record.py" in refused.stderr
+    assert not (tmp_path / "none.yaml").exists()
