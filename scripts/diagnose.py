@@ -32,6 +32,7 @@ def main(
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
+    effects: console.EffectsFile = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
 ) -> None:
@@ -39,6 +40,7 @@ def main(
     console.check_writable(json_file, None if report is None else report / "index.html")
     if not logs:
         logs, test = [LOGS / "youbot_fit.csv"], test or LOGS / "youbot_test.csv"
+    console.load_effects(effects)
     start = load_model(model)
     paths = [*logs, *([test] if test else [])]
     for path in paths:
