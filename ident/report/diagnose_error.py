@@ -80,7 +80,7 @@ def depends_on(found: Diagnosis, compared: list[Comparison]) -> Section:
         # The same signals twice: what was a curve should be flat.
         blocks += _curves("base_depends_on", compared[0], signals)
         signals += [signal for signal, _ in after if signal not in signals]
-        blocks += _curves("depends_on", compared[-1], signals)
+        blocks += _curves("depends_on", compared[-1], signals, " Each figure has its own scales.")
     elif after:
         blocks += _curves("depends_on", compared[-1], [signal for signal, _ in after])
     return Section("What the error depends on", blocks, words)
@@ -96,7 +96,9 @@ def _told(name: str, signals: list[tuple[str, float]]) -> str:
     return f"Error of the {name}, with the share of its square behind each signal: {gains}."
 
 
-def _curves(stem: str, comparison: Comparison, signals: list[str]) -> list[Picture]:
+def _curves(
+    stem: str, comparison: Comparison, signals: list[str], remark: str = ""
+) -> list[Picture]:
     drawn = dependence_figure(comparison, signals)
     if drawn is None:
         return []
@@ -107,7 +109,7 @@ def _curves(stem: str, comparison: Comparison, signals: list[str]) -> list[Pictu
         + (", along its rotation where over time" if "history of the direction" in signals else "")
         + ". Over the others: forces on the body, the moment over the lever L."
     )
-    return [Picture(stem, drawn, caption)]
+    return [Picture(stem, drawn, caption + remark)]
 
 
 def where(compared: list[Comparison]) -> Section:
