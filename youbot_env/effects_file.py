@@ -41,6 +41,7 @@ def load_effects_file(path: str | os.PathLike) -> tuple[str, ...]:
             f"{path.name}{_line(path, error)}: {type(error).__name__}: {error}"
         ) from error
     if not found:
+        del sys.modules[name]
         raise ValueError(
             f"{path.name} defines no effect; it needs a subclass of youbot_env.effects.Effect with "
             "an identifier, see docs/add_an_effect.md"
