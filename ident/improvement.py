@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from ident.diagnosis.parts import FIT
+from ident.diagnosis.parts import FIT, Part
 from ident.diagnosis.verdict import Diagnosis, diagnose
 from ident.log import Log
-from ident.observability import observe_regression
+from ident.observability import parameter_sizes
+from ident.output_error import free_directions, settled
 from ident.quantities import Quantity, annotated, quantities
-from ident.regression import Regression, build_regression
 from ident.seen import Seen
+from ident.sensitivity import Linearised
 from youbot_env.model import Model
 
 # Combinations that are known better than single inertias; the frictions stand for themselves.
@@ -23,6 +24,10 @@ LUMPS = ("x1+x3", "x2+x3")
 # Verdicts whose additions the final model keeps.
 KEPT = ("named", "ambiguous", "nothing_missing")
 METHOD = "free run"
+# Directions of weaker trace than this share of the strongest, in equally long columns, were not
+# fitted: the covariance of a refinement leaves them out.
+BLIND = 1e-5
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -120,7 +125,7 @@ def improve(
     stages: list[Stage] = []
     chain = found.chain if found.verdict in KEPT else found.chain[:1]
     for number, (added, refined) in enumerate(chain):
-        base = _base(logs, refined, factor)
+        base = _base(found.first.parts, refined, factor)
         nrmse, covered = errors.nrmse[number], (errors.before - errors.nrmse[number]) / way
         shifts = _shifts(stages[-1].base if stages else None, base)
         stages.append(Stage(added, refined, nrmse, errors.axes[number], covered, base, shifts))
@@ -130,14 +135,36 @@ def improve(
     return Improvement(found, tuple(stages), final)
 
 
-def _base(logs: list[Log], model: Model, factor: float) -> dict[str, Quantity]:
+def _base(parts: list[Part], model: Model, factor: float) -> dict[str, Quantity]:
     """Base parameters and lumps with half widths of ``factor`` standard errors."""
-    regression = Regression.join([build_regression(log, model) for log in logs])
-    values = dict(zip(model.names(), model.values(), strict=True))
-    start = np.array([values[name] for name in regression.names])
-    seen = Seen.of(observe_regression(regression, model), regression, start, model)
-    parameters, lumps, _ = quantities(model, seen, factor, METHOD)
+    parameters, lumps, _ = quantities(model, _seen(parts, model), factor, METHOD)
     return parameters | {name: lumps[name] for name in LUMPS}
+
+
+def _seen(parts: list[Part], model: Model) -> Seen:
+    """What free runs over the fitted windows determine; the covariance has no word for the rest.
+
+    Directions that leave no trace, and pairs that leave the same one, keep their start values.
+    """
+    directions, rows = free_directions(model), []
+    moving = np.any(directions != 0, axis=1)
+    for part in parts:
+        fitted = part.windows(FIT)
+        if fitted.any():
+            sim = Linearised.of(part.log, model)
+            columns = settled(sim, sim.value_columns(moving) * part.weights[:, None])[fitted]
+            rows.append(np.nan_to_num(columns.reshape(-1, columns.shape[-1])))
+    traces = np.concatenate(rows) @ directions[moving]
+    length = np.linalg.norm(traces, axis=0)
+    # Rounding of a trace that is not there would look like one when it is scaled.
+    worth = np.abs(directions).T @ parameter_sizes(model.names(), model)
+    present = length * worth > ROUNDING * np.sqrt(len(traces))
+    traces, length = traces * present, np.where(present, length, 1.0)
+    _, strength, right = np.linalg.svd(traces / length, full_matrices=False)
+    turned = directions @ (np.where(np.abs(right) < ROUNDING, 0.0, right) / length).T
+    known = strength > BLIND * strength[0]
+    names, start = model.names(), np.array(model.values())
+    return Seen(names, start, np.ones(len(names)), turned[:, known], turned[:, ~known].T)
 
 
 def _shifts(

@@ -102,9 +102,12 @@ def main(
         if usable and len(done.stages) > 1:
             status.update("trying the controllers")
             tracking = tried(done, records, seed)
-        gains = [*([str(tracking)] if tracking else []), *(uses(out) if usable else [])]
+        gains = [*([str(tracking)] if tracking else []), *(uses(out, records) if usable else [])]
         status.update("drawing")
-        page = None if report is None else improvement_page(done, gains, in_words(history))
+        page = None
+        if report is not None:
+            everything = (*records, *([held] if held else []))
+            page = improvement_page(done, gains, in_words(history), everything)
     if usable:
         made = {"method": "diagnosis and free-run refinement", "start": start.name}
         save_model(replace(done.model, provenance=history | made), out)
@@ -127,9 +130,7 @@ def tried(done: Improvement, logs: list[Log], seed: int) -> Tracking:
 
     Commands may be as large as they were in the logs, or as the controller's own limit.
     """
-    robot = Subject("analytic", 0, done.model, seed)
-    largest = max(float(np.abs(log.command).max()) for log in logs)
-    errors = []
+    robot, largest, errors = Subject("analytic", 0, done.model, seed), largest_command(logs), []
     for believed in (done.stages[0].model, done.model):
         controller = make("computed_torque", believed)
         limit = max(controller.settings.torque_limit, largest)
@@ -141,14 +142,28 @@ def tried(done: Improvement, logs: list[Log], seed: int) -> Tracking:
     return Tracking(*errors, TRIED.name, TRIED.frequency, TRIED.speed)
 
 
-def uses(out: Path) -> list[str]:
+def largest_command(logs: list[Log]) -> float:
+    """Largest drive input in the logs, N m or V."""
+    return max(float(np.abs(log.command).max()) for log in logs)
+
+
+def uses(out: Path, logs: list[Log]) -> list[str]:
     """Lines that put the model to use."""
-    path = console.shown(out)
+    path, limit = console.shown(out), ""
+    if logs[0].drive == "voltage":
+        # Torques of the environment are then volts.
+        limit = f", torque_limit={largest_command(logs):.3g}"
     return [
-        f'gym.make("YouBot-v0", model="{path}")',
-        f'controllers.make("computed_torque", model="{path}")',
+        f'gym.make("YouBot-v0", model="{path}"{limit})',
+        f'controllers.make("computed_torque", model="{path}"{limit})',
         f"python scripts/compare.py LOG --model nominal {path}",
     ]
+
+
+def bar(share: float) -> str:
+    """A bar of characters."""
+    full = max(1, round(BAR * share))
+    return "\u2588" * full + "\u00b7" * (BAR - full)
 
 
 def tell(done: Improvement, gains: list[str], out: Path | None, page: Path | None) -> None:
@@ -157,12 +172,12 @@ def tell(done: Improvement, gains: list[str], out: Path | None, page: Path | Non
     console.out.print(verdict(done), style="bold", soft_wrap=True)
     if done.stages:
         errors = [*(stage.nrmse for stage in done.stages), found.errors.floor]
-        bars = ["\u2588" * max(1, round(BAR * error / errors[0])) for error in errors]
-        rows = [(*row, bar) for row, bar in zip(error_rows(done), bars, strict=True)]
+        rows = [
+            (*row, bar(error / max(errors)))
+            for row, error in zip(error_rows(done), errors, strict=True)
+        ]
         console.out.print()
         title = f"Free run on {found.errors.windows} untouched windows, rms errors"
-        drawn = [f"{row[-1]:<{BAR}}" for row in rows]
-        rows = [(*row[:-1], bar) for row, bar in zip(rows, drawn, strict=True)]
         console.table(title, (*ERRORS_HEAD, ""), rows)
         console.out.print()
         console.table("Base parameters and lumps", base_head(done), base_rows(done))

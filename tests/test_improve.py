@@ -9,11 +9,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from ident.improvement import improve
+from ident.diagnosis.parts import divide
+from ident.diagnosis.rivals import refit
+from ident.improvement import _base, improve
 from ident.log import Log
 from youbot_env.model_file import load_model
-from youbot_env.references import SmoothRandom, calibration_sequence
+from youbot_env.references import SmoothRandom, calibration_sequence, make_reference
 from youbot_env.simulation import Sensors, record_closed_loop
+from youbot_env.simulation.sensors import IDEAL
 
 ROOT = Path(__file__).resolve().parent.parent
 HIDDEN = {"wheel_coulomb_friction": 0.15, "floor_slope": {"sx": 0.012, "sy": -0.008}}
@@ -44,6 +47,18 @@ def test_error_falls_at_every_step_and_the_base_returns(logs):
     assert last < 0.2 * first
     mu1 = [stage.base["mu1"] for stage in done.stages]
     assert abs(mu1[-1].value - mu1[0].value) > 5 * mu1[-1].se
+
+
+def test_without_turning_mass_and_wheel_inertia_stay_open():
+    robot, motion = load_model("nominal"), make_reference("III", speed=0.4)
+    channels = record_closed_loop(robot, motion, np.arange(3000) / 100, IDEAL, seed=0)
+    log = Log("straight", robot.platform, **channels)
+    parts = divide([log], None, robot)
+    base = _base(parts, refit(parts, robot)[0].model, 2.0)
+    found = {name for name, q in base.items() if q.se is not None}
+    assert found == {"mu1", "mu2", "x1+x3"}
+    truth = robot.parameters
+    assert base["mu2"].value == pytest.approx(truth.mu2, rel=1e-6)
 
 
 def test_script_writes_a_model_that_drives(logs, tmp_path):

@@ -24,6 +24,8 @@ from ident.report.outcome import percent, rounded
 SOFT = "#5a6069"
 ROW_HEIGHT = 0.27  # in
 COLUMNS = 5
+# The axis of gains reaches at least so far, %.
+NARROWEST = 30.0
 # Effects that make things worse where they were not fitted all do so; how much does not matter.
 LOWEST = -0.15
 AXES = (("$V_X$", "m/s"), ("$V_Y$", "m/s"), ("$\\Omega$", "rad/s"))
@@ -72,7 +74,7 @@ def _draw_gains(canvas, shown: list[Reach], named: tuple[str, ...], height: floa
     axis.tick_params(axis="y", length=0)
     axis.grid(False, axis="y")
     axis.set_ylim(len(shown) - 0.4, -0.6)
-    axis.set_xlim(100 * LOWEST - 4, 103)
+    axis.set_xlim(100 * LOWEST - 4, min(103.0, max(NARROWEST, 120 * shown[0].gain)))
     axis.set_xlabel("squared error removed where it was not fitted, %")
     handles = (
         Line2D([], [], color=IDENTIFIED, marker="o", linewidth=2.4),
@@ -165,7 +167,7 @@ def base_figure(names: list[str], stages: list[dict[str, Quantity]]) -> bytes:
 def _draw_base(canvas, names: list[str], stages: list[dict], height: float) -> None:
     rows = -(-len(names) // COLUMNS)
     axes = canvas.subplots(rows, COLUMNS, squeeze=False).ravel()
-    canvas.subplots_adjust(0.07, 0.4 / height, 0.985, 1 - 0.3 / height, hspace=0.55, wspace=0.3)
+    canvas.subplots_adjust(0.07, 0.4 / height, 0.985, 1 - 0.3 / height, hspace=0.55, wspace=0.62)
     for axis, name in zip(axes, names, strict=False):
         shown = []
         for number, stage in enumerate(stages):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ident.improvement import Improvement, Stage
+from ident.log import Log
 from ident.report import diagnose as diagnosis
 from ident.report.diagnose_error import FALLING
 from ident.report.diagnose_figures import base_figure
@@ -14,15 +15,18 @@ from ident.report.page import Grid, Notes, Page, Picture, Section
 ERRORS_HEAD = ("model", "vx m/s", "vy m/s", "yaw rad/s", "all %", "way to noise %")
 
 
-def improvement_page(done: Improvement, gains: list[str], provenance: dict[str, str]) -> Page:
+def improvement_page(
+    done: Improvement, gains: list[str], provenance: dict[str, str], logs: tuple[Log, ...] = ()
+) -> Page:
     """Draw everything and put the page together; nothing is written.
 
     Args:
         done: what the loop did.
         gains: what the final model is good for, in sentences and lines of code.
         provenance: how it came about, by name.
+        logs: to show where they decide nothing.
     """
-    found, parts = done.found, {part.title: part for part in diagnosis.sections(done.found)}
+    found, parts = done.found, {part.title: part for part in diagnosis.sections(done.found, logs)}
     falling, shown = parts.pop(FALLING, None), []
     if falling is not None:
         table = Grid(ERRORS_HEAD, error_rows(done), "Rms errors in free run.")
@@ -34,7 +38,7 @@ def improvement_page(done: Improvement, gains: list[str], provenance: dict[str, 
     if len(done.stages) > 1:
         figures.append((percent(done.stages[-1].covered), "of the way down to that noise"))
     return Page(
-        "A model improved until nothing is missing",
+        "Improving a model until nothing is missing",
         verdict(done).replace(" %", "\u00a0%"),
         found.verdict in ("named", "nothing_missing") and not done.problems,
         diagnosis.lead(found),
