@@ -64,6 +64,7 @@ def main(
     gear: Annotated[
         float | None, typer.Option(help="Motor turns per wheel turn, where the log holds currents.")
     ] = None,
+    effects: console.EffectsFile = None,
     seed: console.Seed = 0,
 ) -> None:
     """Compare models with a measured log: errors, where they gather, and when they are worst.
@@ -71,6 +72,7 @@ def main(
     Free run: velocities simulated from the measured drive input alone, in windows.  Equation: what
     the filtered equations of motion leave of the measured forces.
     """
+    console.load_effects(effects)
     console.check_writable(json_file, None if report is None else report / "index.html")
     models = read_models(model or DEFAULT)
     record = read_log(log or LOG, models[0].platform, parse_mapping(mapping), kt, gear)

@@ -78,5 +78,8 @@ def get_effect(identifier: str) -> Effect:
     if identifier not in known:
         near = difflib.get_close_matches(identifier, known, 1)
         hint = f"did you mean {near[0]!r}? " if near else ""
-        raise ValueError(f"unknown effect {identifier!r}; {hint}known effects: {sorted(known)}")
+        raise ValueError(
+            f"unknown effect {identifier!r}; {hint}known effects: {sorted(known)}; one of your own "
+            "is made known by its file, --effects FILE.py"
+        )
     return known[identifier]()
