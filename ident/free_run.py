@@ -24,6 +24,8 @@ from youbot_env.plant import Robot, State, Structure
 from youbot_env.simulation.analytic import choose_substeps, history_length
 
 WINDOW = 5.0
+# What a record begins with is left out: what the drive was told before it still acts, s.
+LEAD = 0.3
 # Long enough for lags and bristles to follow what is held, s.
 RELAXED = 10.0
 
@@ -114,7 +116,8 @@ def cut_windows(log: Log, model: Model, window: float = WINDOW) -> Windows:
     for piece in log.pieces():
         count = len(piece.time)
         past = np.stack([np.maximum(np.arange(count) - k, 0) for k in range(history)], axis=1)
-        for begin in range(0, count - length, length):
+        lead = max(0, min(round(LEAD / dt), count - 1 - length))
+        for begin in range(lead, count - length, length):
             rows = offset + begin + np.arange(length)
             pose = (0.0, 0.0, 0.0) if log.pose is None else log.pose[rows[0]]
             rest = structure.rest(tuple(pose), tuple(velocity[rows[0]]))

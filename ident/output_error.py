@@ -7,6 +7,7 @@ limits, Stribeck speeds) are estimated with the others.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -153,18 +154,27 @@ class _Fit:
         return step
 
     def covariance(self, basis: np.ndarray) -> np.ndarray:
-        """Sandwich of the scatter between windows."""
+        """Scatter of the step over fits that leave out one window each (cluster jackknife, CR3).
+
+        With few windows for many values the plain sandwich is too small: errors of a fit hide in
+        the windows that pull it most.
+        """
         moving = np.any(basis != 0, axis=1)
         columns = self.columns(moving) @ basis[moving]
         scale = np.linalg.norm(columns, axis=0)
         scale = np.where(scale > 0, scale, 1.0)
         scaled, count = columns / scale, int(self.groups[-1]) + 1
-        scores = np.zeros((count, len(scale)))
-        np.add.at(scores, self.groups, scaled * self.error[:, None])
-        bread = np.linalg.pinv(scaled.T @ scaled, rcond=1e-10)
-        meat = scores.T @ scores * count / max(count - 1, 1)
+        ends = np.searchsorted(self.groups, np.arange(count + 1))
+        inner, scores = scaled.T @ scaled, scaled.T @ self.error
+        moves = np.zeros((count, len(scale)))
+        for k, (start, end) in enumerate(itertools.pairwise(ends)):
+            mine, error = scaled[start:end], self.error[start:end]
+            moves[k] = np.linalg.pinv(inner - mine.T @ mine, rcond=1e-10, hermitian=True) @ (
+                scores - mine.T @ error
+            )
+        moves -= moves.mean(axis=0)
         turn = basis / scale
-        return turn @ (bread @ meat @ bread) @ turn.T
+        return turn @ (moves.T @ moves * (count - 1) / count) @ turn.T
 
 
 def free_directions(model: Model, free: tuple[str, ...] | None = None) -> np.ndarray:

@@ -31,6 +31,8 @@ RIDGE = 1e-3
 DRAWS = 999
 # Stretches that a test needs for each coefficient; with fewer its law is no longer Fisher's.
 CLUSTERS_EACH = 3
+# Coefficients of laws that are not linear, in units of the size that the trace was made for.
+NEAR = (0.6, 1.6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,36 +174,72 @@ class Evidence:
                 found.append(Reduced.of(self.total(rest), self.total(out), self.base))
         return found
 
-    def gain(self, number: int) -> float:
+    def gain(self, number: int, beside: int | None = None) -> float:
         """Share of squared error that a trial or dependence removes where it was not fitted.
 
         Of an effect the smaller of two: on blocks left out of the fit, and on another motion if
         there is one.  Dependences of one place or time are judged within each log.
+
+        Args:
+            number: the trial or dependence.
+            beside: a trial that is fitted with it; the share is then what both remove.
         """
         local = self.dependence(number) is not None and self.dependence(number).local
         ways = self._inside if local else [self._blocks, self._transfer]
         ridge = 0.0 if self.dependence(number) is None else RIDGE
-        mine = self.columns[number] - self.base
+        mine, ends = self.columns[number] - self.base, self.ends(number)
         gains = []
         for way in filter(None, ways):
-            after = sum(part.loss(mine, ridge) for part in way)
+            after = sum(self._beyond(part, beside).loss(mine, ridge, ends) for part in way)
             gains.append(1.0 - after / sum(part.before for part in way))
         return min(gains)
+
+    def ends(self, number: int) -> tuple[float, float]:
+        """Ends of the coefficients, as columns are scaled here.
+
+        The trace of a law that is not linear holds near the size it was made for, and where few
+        windows show it the others must not choose a size far from that.
+        """
+        if number >= len(self.trials) or self.trials[number].linear:
+            return -np.inf, np.inf
+        low, high = NEAR
+        scale = float(self.scale[self.columns[number][0]])
+        return low * scale, high * scale
 
     def dependence(self, number: int) -> Dependence | None:
         """The dependence of a number; None where it stands for an effect."""
         behind = number - len(self.trials)
         return self.dependences[behind] if behind >= 0 else None
 
-    def explained(self, number: int) -> float:
-        """Share of squared error that a trial removes on the windows that it is fitted to."""
-        mine = self.columns[number] - self.base
-        return 1.0 - self._fitted.loss(mine) / self._fitted.before
+    def _beyond(self, table: Reduced, beside: int | None) -> Reduced:
+        """A table with the columns of one more trial always fitted."""
+        if beside is None:
+            return table
+        return table.beyond(self.columns[beside] - self.base)
 
-    def coefficients(self, number: int) -> np.ndarray:
+    def _with(self, beside: int | None) -> Reduced:
+        """Fit and errors on the windows for fitting, beside a trial that is always fitted."""
+        if beside not in self._known:
+            self._known[beside] = self._beyond(self._fitted, beside)
+        return self._known[beside]
+
+    @cached_property
+    def _known(self) -> dict[int | None, Reduced]:
+        return {}
+
+    def explained(self, number: int, beside: int | None = None) -> float:
+        """Share of squared error that a trial removes on the windows that it is fitted to.
+
+        With another one beside it, the share that both remove.
+        """
+        mine = self.columns[number] - self.base
+        loss = self._with(beside).loss(mine, ends=self.ends(number))
+        return 1.0 - loss / self._fitted.before
+
+    def coefficients(self, number: int, beside: int | None = None) -> np.ndarray:
         """Coefficients (k,) of mixed columns, in units of the columns."""
-        mine = self.columns[number]
-        return self._fitted.solve(mine - self.base) / self.scale[mine]
+        mine, table = self.columns[number], self._with(beside)
+        return table.solve(mine - self.base, ends=self.ends(number)) / self.scale[mine]
 
     def scatter(self, number: int) -> np.ndarray:
         """(k, k) covariance of the coefficients, from the scatter of scores between stretches.

@@ -44,15 +44,21 @@ def wheels_agree(log: Log) -> bool:
 
     More wheels than freedoms are bound by ideal rolling.  Where they keep to it, rollers and slip
     cannot be what a model leaves unexplained; where they do not, or cannot show it, they may be.
+    Wheels of other radii than assumed contradict each other in proportion to the motion, which
+    rollers do not; that part is left out.
     """
     if log.wheel_velocity is None:
         return False
-    free = null_space(log.platform.jacobian_array.T)
+    jacobian = log.platform.jacobian_array
+    free = null_space(jacobian.T)
     if free.shape[1] == 0:
         return False
     noise = [_white(log.pieces(), log.wheel_velocity, k) for k in range(len(free))]
     expected = float(np.mean(np.array(noise) @ free**2))
-    return float(np.mean((log.wheel_velocity @ free) ** 2)) < CONTRADICTION * expected
+    contradiction = log.wheel_velocity @ free
+    motion = log.wheel_velocity @ np.linalg.pinv(jacobian).T
+    contradiction -= motion @ np.linalg.lstsq(motion, contradiction)[0]
+    return float(np.mean(contradiction**2)) < CONTRADICTION * expected
 
 
 def _white(pieces: list, signal: np.ndarray, column: int) -> float:

@@ -32,6 +32,14 @@ class Reduced:
         inner = share.T @ judge[:base, :base] @ share
         return cls(left, judge[base:, base:] - cross - cross.T + inner, share)
 
+    def beyond(self, mine: np.ndarray) -> Reduced:
+        """The same with further columns that are always fitted."""
+        share = self.inverse(mine) @ self.fit[mine]
+        left = self.fit - self.fit[:, mine] @ share
+        cross = self.judge[:, mine] @ share
+        inner = share.T @ self.judge[np.ix_(mine, mine)] @ share
+        return Reduced(left, self.judge - cross - cross.T + inner, self.share)
+
     @property
     def before(self) -> float:
         """Squared error without any effect."""
@@ -42,13 +50,13 @@ class Reduced:
         inner = self.fit[np.ix_(mine, mine)]
         return _pseudo_inverse(inner + ridge * np.eye(len(mine)))
 
-    def solve(self, mine: np.ndarray, ridge: float = 0.0) -> np.ndarray:
-        """(k,) coefficients."""
-        return self.inverse(mine, ridge) @ self.fit[mine, -1]
+    def solve(self, mine: np.ndarray, ridge: float = 0.0, ends=(-np.inf, np.inf)) -> np.ndarray:
+        """(k,) coefficients, held between two ends."""
+        return np.clip(self.inverse(mine, ridge) @ self.fit[mine, -1], *ends)
 
-    def loss(self, mine: np.ndarray, ridge: float = 0.0) -> float:
+    def loss(self, mine: np.ndarray, ridge: float = 0.0, ends=(-np.inf, np.inf)) -> float:
         """Squared error that is judged, with the coefficients that were fitted."""
-        b = self.solve(mine, ridge)
+        b = self.solve(mine, ridge, ends)
         inner = self.judge[np.ix_(mine, mine)]
         return float(self.judge[-1, -1] - 2 * b @ self.judge[mine, -1] + b @ inner @ b)
 

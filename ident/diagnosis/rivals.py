@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+from scipy.optimize import minimize_scalar
 
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.parts import FIT, SELECT, VERIFY, Part
+from ident.diagnosis.trials import brackets
 from ident.output_error import OutputError, refine, scaled_error
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
@@ -19,12 +21,14 @@ from youbot_env.model import Model
 CHANCE = 0.05
 # Effects that make the drive late smooth the noise of its record, each in its own way.  That feigns
 # up to this share of what they explain.
-FEIGNED = 0.1
+FEIGNED = 0.3
 # Independent errors in a window, for Schwarz's criterion: they remember each other some tenths of
 # a second.
 EACH = 8
 # Gauss-Newton steps of a refinement; the start is close.
 STEPS = 8
+# Values without a derivative: looks, and how close to come, as a share of the search range.
+LOOKS, CLOSE = 12, 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +82,41 @@ def refit(parts: list[Part], model: Model, steps: int = STEPS) -> tuple[OutputEr
     return refined, (*refined.simulations, *others)
 
 
+def _located(parts: list[Part], model: Model) -> Model | None:
+    """The model with its last effect where it fits best in values without a derivative.
+
+    They are searched between their neighbours in the profile, all other values held.
+    """
+    active, fitted = model.effects[-1], [part for part in parts if part.windows(FIT).any()]
+    ends = brackets(active, fitted[0].log)
+
+    def moved(name: str, value: float) -> Model:
+        values = list(model.values())
+        values[model.names().index(f"{active.identifier}.{name}")] = value
+        return model.with_values(values)
+
+    def cost(value: float, name: str) -> float:
+        other = moved(name, value)
+        errors = (scaled_error(Linearised.of(p.log, other), p.weights) for p in fitted)
+        return sum(float(np.sum(e[p.windows(FIT)] ** 2)) for e, p in zip(errors, fitted,
+                   strict=True))  # fmt: skip
+
+    for name, (low, high) in ends.items():
+        options = {"maxiter": LOOKS, "xatol": CLOSE * (high - low)}
+        found = minimize_scalar(cost, args=(name,), bounds=(low, high), options=options)
+        model = moved(name, float(found.x))
+    return model if ends else None
+
+
 def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate | None:
     """Refine a trial; None where its sizes make no sense together."""
     trial = evidence.trials[number]
     with np.errstate(all="ignore"):
-        refined, simulations = refit(parts, trial.start(evidence.coefficients(number)))
+        start = trial.start(evidence.coefficients(number))
+        refined, simulations = refit(parts, start)
+        located = _located(parts, refined.model)
+        if located is not None:
+            refined, simulations = refit(parts, located)
     active = refined.model.effects[-1]
     if not active.effect.plausible(active.values):
         return None

@@ -10,6 +10,7 @@ import numpy as np
 from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.floor import noise_floor, wheels_agree
+from ident.diagnosis.pairs import best_pair
 from ident.diagnosis.parts import FIT, SELECT, Part
 from ident.diagnosis.rivals import Candidate, candidate, ranked, window_losses
 from ident.diagnosis.trials import Trial, trials
@@ -35,6 +36,9 @@ AS_WELL = 0.85
 # A dependence that removes this share of the error while no effect passes, or that leaves less
 # than this share of what the best effect leaves, shows that something else is missing.
 TELLING, OUTSIDE = 0.15, 0.6
+# Where the wheels agree with each other: errors from this many times the noise on are not noise,
+# and effects that leave more than this share of such an error are not what is missing.
+UNEXPLAINED, REMAINDER = 3.0, 0.3
 # A trial of single wheels must gain this much more than one of all alike.
 SPLIT = 0.02
 
@@ -113,6 +117,8 @@ class Round:
 
     def background(self) -> int | None:
         """The best trial of an effect that every robot has some of, if one passes."""
+        if self.wheels_agree:
+            return None
         passing = [
             k for k in self._admissible() if self._gained(k) and self.trial(k).effect.background
         ]
@@ -151,6 +157,24 @@ class Round:
         found = [candidate(self.parts, self.evidence, k) for k in self.worth_refining()]
         found = [c for c in found if c is not None and self.helps(c)]
         return ranked(found, self.evidence.role, self.loss) if found else []
+
+    def pair(self, group: list[Candidate]) -> tuple[int, int] | None:
+        """Two effects that explain far more than the best one; None where one is enough.
+
+        Only errors that are neither noise nor rolling are worth two effects at once.
+        """
+        left = max(self._left(group), 0.0)
+        if not self.wheels_agree or left < UNEXPLAINED * self.floor:
+            return None
+        if left < REMAINDER * self.excess:
+            return None
+        return best_pair(self.evidence, self._gain_of(group[0]) if group else 0.0)
+
+    def _left(self, group: list[Candidate]) -> float:
+        """Excess that the best of a group leaves."""
+        if not group:
+            return self.excess
+        return float(group[0].loss[self.evidence.role == FIT].mean()) - self.floor
 
     def credible(self, number: int) -> bool:
         """Tell whether a trial is large enough for what would still be unexplained with it."""

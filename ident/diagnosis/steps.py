@@ -8,15 +8,12 @@ import numpy as np
 from scipy.special import stdtrit
 
 from ident.diagnosis.parts import FIT, SELECT, Part
-from ident.diagnosis.rivals import Candidate, ranked, refit, window_losses
+from ident.diagnosis.rivals import Candidate, refit, window_losses
 from ident.diagnosis.rounds import LEAST_GAIN
 from ident.output_error import OutputError
 from ident.quantities import Quantity
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
-
-# Rivals of an effect that are looked at again when more has been explained.
-MOST_RIVALS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,34 +80,11 @@ def without_idle(parts: list[Part], base: Model, steps: list[Step]) -> list[Step
     for step in steps[:-1]:
         fewer = [other for other in kept if other is not step]
         _, simulations = refit(parts, with_steps(base, kept))
-        _, without = refit(parts, _without(with_steps(base, kept), step.best.identifier))
+        _, less = refit(parts, without(with_steps(base, kept), step.best.identifier))
         full = window_losses(parts, simulations)[deciding].mean()
-        if window_losses(parts, without)[deciding].mean() < full / (1.0 - 0.5 * LEAST_GAIN):
+        if window_losses(parts, less)[deciding].mean() < full / (1.0 - 0.5 * LEAST_GAIN):
             kept = fewer
     return kept
-
-
-def settled_group(parts: list[Part], base: Model, steps: list[Step], step: Step) -> Step:
-    """The group of a step once more, with everything explained that was found after it."""
-    if len(steps) < 2 or not step.rivals:
-        return step
-    found = []
-    role = np.concatenate([part.role for part in parts])
-    without = _without(with_steps(base, steps), step.best.identifier)
-    before = window_losses(parts, refit(parts, without)[1])
-    for rival in (step.best, *step.rivals[:MOST_RIVALS]):
-        if any(rival.identifier == other.best.identifier for other in steps if other is not step):
-            continue
-        values = next(a.values for a in rival.model.effects if a.identifier == rival.identifier)
-        kept = {a.identifier: a.values for a in without.effects}
-        refined, simulations = refit(
-            parts, without.with_effects({**kept, rival.identifier: values})
-        )
-        loss = window_losses(parts, simulations)
-        found.append(replace(rival, refined=refined, simulations=simulations, loss=loss))
-    group = ranked(found, role, before)
-    return replace(step, best=group[0], group=tuple(c.identifier for c in group),
-                   rivals=tuple(group[1:]))  # fmt: skip
 
 
 def chain_of(parts: list[Part], base: OutputError, steps: list[Step]) -> list[tuple[str, Model]]:
@@ -119,10 +93,11 @@ def chain_of(parts: list[Part], base: OutputError, steps: list[Step]) -> list[tu
     for count in range(1, len(steps) + 1):
         model = with_steps(base.model, steps)
         for later in steps[count:]:
-            model = _without(model, later.best.identifier)
+            model = without(model, later.best.identifier)
         chain.append((steps[count - 1].best.identifier, refit(parts, model)[0].model))
     return chain
 
 
-def _without(model: Model, identifier: str) -> Model:
+def without(model: Model, identifier: str) -> Model:
+    """The model less one effect."""
     return replace(model, effects=tuple(a for a in model.effects if a.identifier != identifier))

@@ -11,7 +11,7 @@ from scipy.linalg import null_space
 from ident.diagnosis.orders import strongest_orders
 from ident.log import Log
 from youbot_env.effects import Effect, Parameter, effect_names, get_effect
-from youbot_env.model import Model
+from youbot_env.model import ActiveEffect, Model
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,8 @@ class Trial:
     def values(self, coefficients: np.ndarray) -> dict[str, float]:
         """Sizes (by flat name) that coefficients (k,) of the mixed columns stand for."""
         sizes = (self.mix @ coefficients) * self.units
+        if self.effect.parameter_of(self.names[0]).profile_unit == "peak":
+            sizes = self.units  # a limit is no size: its trace grows as it falls
         return dict(zip(self.names, sizes.tolist(), strict=True))
 
     def start(self, coefficients: np.ndarray) -> Model:
@@ -64,8 +66,7 @@ class Trial:
             low, high = self.effect.parameter_of(name).bounds
             if not low - slack * abs(unit) <= value <= high + slack * abs(unit):
                 return False
-        # The trace of a law that is not linear holds near the size it was made for.
-        return self.linear or bool(np.all((coefficients > 0.2) & (coefficients < 5.0)))
+        return True
 
 
 def trials(model: Model, log: Log) -> list[Trial]:
@@ -149,25 +150,7 @@ def _profiles(curved: list[Parameter], log: Log, orders: tuple) -> Iterator[dict
     if not curved:
         yield {}
         return
-    unit = {
-        "default": None,
-        "command": float(np.sqrt(np.mean(log.command**2))),
-        "peak": float(np.abs(log.command).max()),
-        "duration": log.duration,
-        "order": None,
-    }
-    grids = {}
-    for parameter in curved:
-        scale = unit[parameter.profile_unit]
-        scale = parameter.default if scale is None else scale
-        low, high = parameter.bounds
-        # A typical size of zero has no multiples; its profile is in the parameter's own unit.
-        sizes = [share * (scale or 1.0) for share in parameter.profile]
-        if parameter.profile_unit == "order":
-            sizes = [parameter.default, *orders]
-        grids[parameter.name] = [size for size in sizes if low <= size <= high] or [
-            parameter.default
-        ]
+    grids = {p.name: _grid(p, log, orders) for p in curved}
     first = {name: sizes[0] for name, sizes in grids.items()}
     tried = set()
     for name, sizes in grids.items():
@@ -176,3 +159,35 @@ def _profiles(curved: list[Parameter], log: Log, orders: tuple) -> Iterator[dict
             if tuple(values.values()) not in tried:
                 tried.add(tuple(values.values()))
                 yield values
+
+
+def _grid(parameter: Parameter, log: Log, orders: tuple = ()) -> list[float]:
+    """Sizes of one nonlinear parameter that are tried."""
+    unit = {
+        "default": parameter.default,
+        "command": float(np.sqrt(np.mean(log.command**2))),
+        "peak": float(np.abs(log.command).max()),
+        "duration": log.duration,
+        "order": 1.0,
+    }
+    low, high = parameter.bounds
+    # A typical size of zero has no multiples; its profile is in the parameter's own unit.
+    sizes = [share * (unit[parameter.profile_unit] or 1.0) for share in parameter.profile]
+    if parameter.profile_unit == "order":
+        sizes = [parameter.default, *orders]
+    return [size for size in sizes if low <= size <= high] or [parameter.default]
+
+
+def brackets(active: ActiveEffect, log: Log) -> dict[str, tuple[float, float]]:
+    """Between which sizes that were tried the best lies, where a law has no derivative."""
+    found = {}
+    for parameter in active.effect.parameters:
+        if parameter.smooth or parameter.linear:
+            continue
+        value, sizes = active.values[parameter.name], np.array(_grid(parameter, log))
+        below, above = sizes[sizes < value - 1e-9], sizes[sizes > value + 1e-9]
+        low = below.max() if len(below) else value
+        high = above.min() if len(above) else value
+        if low < high:
+            found[parameter.name] = (float(low), float(high))
+    return found

@@ -8,8 +8,12 @@ from typing import Any
 import numpy as np
 
 from ident.diagnosis.floor import noise_floor
-from ident.diagnosis.parts import VERIFY, Part
+from ident.diagnosis.parts import FEWEST, VERIFY, Part
+from ident.diagnosis.rivals import refit
+from ident.diagnosis.rounds import LEAST_GAIN
+from ident.diagnosis.steps import Step, with_steps, without
 from ident.free_run import free_run
+from ident.output_error import OutputError
 from ident.sensitivity import Linearised, window_length
 from youbot_env.model import Model
 
@@ -95,6 +99,27 @@ def free_run_errors(
         (float(low), float(high)),
         by_window.shape[1],
     )
+
+
+def confirmed(
+    parts: list[Part], base: OutputError, steps: list[Step], simulation: Linearised
+) -> list[Step]:
+    """Leave out steps without which the error on untouched windows is hardly larger.
+
+    A few windows can only refuse what makes them worse.
+    """
+    while len(steps) > 1:
+        full = with_steps(base.model, steps)
+        models = [without(full, step.best.identifier) for step in steps] + [full]
+        chain = [("", base.model)] + [("", refit(parts, model)[0].model) for model in models]
+        errors = free_run_errors(parts, chain, simulation)
+        least = LEAST_GAIN if errors.windows >= FEWEST else 0.0
+        gain = 1.0 - errors.remaining[-1] ** 2 / errors.remaining[1:-1] ** 2
+        idlest = int(np.argmin(gain))
+        if gain[idlest] > least:
+            break
+        steps = [step for k, step in enumerate(steps) if k != idlest]
+    return steps
 
 
 def _squared(parts: list[Part], model: Model) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Which effect is missing: rounds of adding what passes, the last word by untouched windows."""
+"""Which effect is missing: what the search found, judged by windows that were never touched."""
 
 from __future__ import annotations
 
@@ -6,26 +6,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from ident.comparison import Regime, compare
 from ident.diagnosis.dependence import dependences
 from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
 from ident.diagnosis.fitness import unfit
-from ident.diagnosis.parts import FEWEST, divide, weigh
+from ident.diagnosis.parts import divide, weigh
 from ident.diagnosis.power import Reach, reach
-from ident.diagnosis.rivals import candidate, refit
-from ident.diagnosis.rounds import LEAST_GAIN, Round
-from ident.diagnosis.steps import Step, chain_of, settled_group, with_steps, without_idle
-from ident.diagnosis.untouched import FreeRunErrors, free_run_errors
+from ident.diagnosis.rivals import refit
+from ident.diagnosis.rounds import LEAST_GAIN, REMAINDER, UNEXPLAINED, Round
+from ident.diagnosis.search import search
+from ident.diagnosis.steps import Step, chain_of
+from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
 from ident.log import Log
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
-
-MOST_EFFECTS, ROUNDS = 3, 6
-# Where the wheels agree with each other: errors from this many times the noise on are not noise,
-# and effects that leave more than this share of such an error are not what is missing.
-UNEXPLAINED, REMAINDER = 3.0, 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,56 +131,12 @@ def diagnose(
     parts = weigh(parts, simulations)
     refined, simulations = refit(parts, refined.model)
     base = refined.model
-    generic = dependences(everything)
-    seeds = [int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(9)]
-    tell("trying every effect")
-    first = now = Round.of(parts, simulations, generic, seeds[0])
-    steps: list[Step] = []
-    number = now.background()
-    if number is not None:
-        found = candidate(parts, now.evidence, number)
-        if found is not None and now.helps(found):
-            tell(f"adding {found.identifier}")
-            steps.append(Step(found, (found.identifier,), float(now.p[number]), True))
-            now = Round.of(parts, found.simulations, generic, seeds[1], None, first.error)
-    origin = now.error
-    outside = False
-    for count in range(ROUNDS):
-        if len([step for step in steps if not step.background]) == MOST_EFFECTS:
-            # What came late may have made room.
-            needed = without_idle(parts, base, steps)
-            if len(needed) == len(steps):
-                break
-            steps = needed
-            _, simulations = refit(parts, with_steps(base, steps))
-            now = Round.of(parts, simulations, generic, seeds[count], origin, first.error)
-        tell("comparing rivals")
-        group = now.choose()
-        outside = now.outside(group[0] if group else None) and not any(
-            not step.background for step in steps
-        )
-        # Where the wheels agree the end shows better whether effects leave too much: two effects
-        # may look like one that is not in the library.
-        if not group or (outside and not now.wheels_agree):
-            break
-        outside = False
-        best = group[0]
-        steps.append(
-            Step(best, tuple(c.identifier for c in group), float(now.p[best.number]), False,
-                 tuple(group[1:]))
-        )  # fmt: skip
-        tell(f"adding {best.identifier}")
-        now = Round.of(parts, best.simulations, generic, seeds[2 + count], origin, first.error)
-    steps = without_idle(parts, base, steps)
-    steps = [settled_group(parts, base, steps, step) for step in steps]
+    found = search(parts, refined, simulations, dependences(everything), seed, tell)
+    first, now, outside = found.first, found.last, found.outside
     tell("measuring errors on untouched windows")
+    steps = confirmed(parts, refined, found.steps, first.simulations[-1])
     chain = chain_of(parts, refined, steps)
     errors = free_run_errors(parts, chain, first.simulations[-1])
-    unconfirmed = [s for s, gone in zip(steps, _confirmed(errors), strict=True) if not gone]
-    if unconfirmed and len(unconfirmed) < len(steps):
-        steps = [step for step in steps if step not in unconfirmed]
-        chain = chain_of(parts, refined, steps)
-        errors = free_run_errors(parts, chain, first.simulations[-1])
     last = chain[-1][1]
     steps.sort(key=lambda step: step.background)
     verdict, reason = _judge(steps, errors, outside, first, now)
@@ -221,15 +171,6 @@ def _next_record(verdict: str, steps: list[Step], last: Round) -> Experiment | N
     if any(part.log.drive == "voltage" for part in last.parts):
         return None
     return separating(rivals, last.error)
-
-
-def _confirmed(errors: FreeRunErrors) -> np.ndarray:
-    """Tell of each step whether it lowers the error on untouched windows as it should.
-
-    A few windows can only refuse what makes them worse.
-    """
-    least = LEAST_GAIN if errors.windows >= FEWEST else 0.0
-    return np.diff(errors.remaining**2) < -least * errors.remaining[:-1] ** 2
 
 
 def _judge(

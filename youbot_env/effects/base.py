@@ -55,7 +55,7 @@ class Parameter:
     linear: bool = True
     per_wheel: bool = False
     contrast: bool = False
-    profile: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0)
+    profile: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0)
     profile_unit: str = "default"
     smooth: bool = True
 

@@ -32,7 +32,7 @@ class PayloadChange(Effect):
             60.0,
             (0.0, 3600.0),
             linear=False,
-            profile=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9),
+            profile=tuple(k / 20 for k in range(1, 20)),
             profile_unit="duration",
             smooth=False,
         ),

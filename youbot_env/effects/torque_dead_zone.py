@@ -12,7 +12,7 @@ class TorqueDeadZone(Effect):
     link = "drive"
     parameters = (
         Parameter("threshold", "N m", "torque that moves nothing", 0.2, (0.0, 5.0), linear=False,
-                  profile=(0.04, 0.1, 0.25), profile_unit="command"),
+                  profile=(0.03, 0.06, 0.12, 0.25), profile_unit="command"),
     )  # fmt: skip
     regime = "small torques and their reversals"
     confusables = ("wheel_coulomb_friction", "stribeck_friction", "load_dependent_friction")

@@ -1,0 +1,172 @@
+"""The search for what is missing: round by round, what passes and fits best is added."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.diagnosis.dependence import Dependence
+from ident.diagnosis.parts import Part
+from ident.diagnosis.rivals import Candidate, candidate, refit
+from ident.diagnosis.rounds import Round
+from ident.diagnosis.steps import Step, with_steps, without, without_idle
+from ident.output_error import OutputError
+from ident.sensitivity import Linearised
+
+MOST_EFFECTS, ROUNDS = 3, 6
+
+
+@dataclass
+class Search:
+    """One search and how far it has come.
+
+    Attributes:
+        parts: the logs.
+        base: the model to which effects are added.
+        generic: dependences that compete with the library.
+        seeds: of the bootstraps.
+        tell: called with what is being done.
+        first, last: rounds on top of the base and on top of everything added.
+        steps: effects added.
+        outside: whether a dependence explains more than the library does.
+    """
+
+    parts: list[Part]
+    base: OutputError
+    generic: list[Dependence]
+    seeds: list[int]
+    tell: Callable[[str], None]
+    first: Round
+    last: Round
+    steps: list[Step]
+    outside: bool = False
+
+    @property
+    def real(self) -> list[Step]:
+        """Effects added, but for what every robot has."""
+        return [step for step in self.steps if not step.background]
+
+    def after(self, simulations: tuple[Linearised, ...], origin: float | None) -> Round:
+        """A round on top of a simulated model."""
+        seed = self.seeds[min(len(self.steps), len(self.seeds) - 1)]
+        return Round.of(self.parts, simulations, self.generic, seed, origin, self.first.error)
+
+    def add(self, group: list[Candidate], p: float, background: bool = False) -> None:
+        """Add the best of a group."""
+        best = group[0]
+        self.tell(f"adding {best.identifier}")
+        names = tuple(c.identifier for c in group)
+        self.steps.append(Step(best, names, p, background, tuple(group[1:])))
+
+    def add_background(self) -> None:
+        """Explain what every robot has some of, if the logs show it."""
+        number = self.last.background()
+        found = None if number is None else candidate(self.parts, self.last.evidence, number)
+        if found is not None and self.last.helps(found):
+            self.add([found], float(self.last.p[number]), True)
+            self.last = self.after(found.simulations, None)
+
+    def prune(self) -> bool:
+        """Drop what came late has made superfluous; tell whether that made room."""
+        needed = without_idle(self.parts, self.base.model, self.steps)
+        if len(needed) == len(self.steps):
+            return False
+        self.steps = needed
+        _, simulations = refit(self.parts, with_steps(self.base.model, needed))
+        self.last = self.after(simulations, self.last.origin)
+        return True
+
+    def add_one_of_two(self, group: list[Candidate]) -> list[Candidate]:
+        """Add the half of a pair that shows only beside the other half.
+
+        Each half is tested like every effect: the first with the other in the model, the other
+        afterwards with the first.
+
+        Args:
+            group: the best single effects.
+
+        Returns:
+            What to add next: the other half, or ``group`` where no pair is better.
+        """
+        pair = self.last.pair(group)
+        if pair is None:
+            return group
+        self.tell("trying two effects at once")
+        given = candidate(self.parts, self.last.evidence, pair[0])
+        if given is None:
+            return group
+        origin = self.last.origin
+        beside = self.after(given.simulations, origin)
+        shown = beside.choose()
+        if not shown:
+            return group
+        alone = without(shown[0].model, given.identifier)
+        third = self.after(refit(self.parts, alone)[1], origin)
+        other = third.choose()
+        if not other:
+            return group
+        self.add(shown, float(beside.p[shown[0].number]))
+        self.last = third
+        return other
+
+    def settle(self, number: int) -> None:
+        """Choose one step again, on top of all the others."""
+        step = self.steps[number]
+        if step.background:
+            return
+        rest = without(with_steps(self.base.model, self.steps), step.best.identifier)
+        now = self.after(refit(self.parts, rest)[1], self.last.origin)
+        group = now.choose()
+        if group:
+            names, p = tuple(c.identifier for c in group), float(now.p[group[0].number])
+            self.steps[number] = Step(group[0], names, p, False, tuple(group[1:]))
+
+
+def search(
+    parts: list[Part],
+    base: OutputError,
+    simulations: tuple[Linearised, ...],
+    generic: list[Dependence],
+    seed: int,
+    tell: Callable[[str], None],
+) -> Search:
+    """Look for effects on top of a refined model.
+
+    Args:
+        parts: the logs.
+        base: the model.
+        simulations: the logs simulated with it.
+        generic: dependences that compete with the library.
+        seed: of the bootstraps.
+        tell: called with what is being done.
+    """
+    sources = np.random.SeedSequence(seed).spawn(MOST_EFFECTS + 2)
+    seeds = [int(source.generate_state(1)[0]) for source in sources]
+    tell("trying every effect")
+    first = Round.of(parts, simulations, generic, seeds[0])
+    at = Search(parts, base, generic, seeds, tell, first, first, [])
+    at.add_background()
+    origin = at.last.error
+    for _ in range(ROUNDS):
+        if len(at.real) == MOST_EFFECTS and not at.prune():
+            break
+        tell("comparing rivals")
+        group = at.last.choose()
+        if not at.real:
+            group = at.add_one_of_two(group)
+        at.outside = at.last.outside(group[0] if group else None) and not at.real
+        # Where the wheels agree the end shows better whether effects leave too much: two effects
+        # may look like one that is not in the library.
+        if not group or (at.outside and not at.last.wheels_agree):
+            break
+        at.outside = False
+        at.add(group, float(at.last.p[group[0].number]))
+        at.last = at.after(group[0].simulations, origin)
+    at.steps = without_idle(parts, base.model, at.steps)
+    if len(at.steps) > 1:
+        tell("comparing rivals again, with everything else explained")
+        for number in range(len(at.steps)):
+            at.settle(number)
+    return at
