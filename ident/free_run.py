@@ -25,7 +25,7 @@ from youbot_env.simulation.analytic import choose_substeps, history_length
 
 WINDOW = 5.0
 # What a record begins with is left out: what the drive was told before it still acts, s.
-LEAD = 0.3
+LEAD = 0.1
 # Long enough for lags and bristles to follow what is held, s.
 RELAXED = 10.0
 

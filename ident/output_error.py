@@ -13,11 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import null_space
 
+from ident.angle_drift import drifted
 from ident.log import Log
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
 from youbot_env.parameters import UNITS
+from youbot_env.plant import Structure
 
 # Theta may move within these factors of its start; first moments within this many kg m.
 FACTORS = (0.02, 50.0)
@@ -30,6 +32,8 @@ WEAK = 1e-6
 TOLERANCE = 1e-6
 # A simulation that runs away counts as this many spreads.
 LIMIT = 1e3
+# Draws of the drift of the wheel angles.
+DRIFTS = 16
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,8 @@ class OutputError:
 
     Attributes:
         model: the model with refined values.
-        covariance: (P, P) of ``model.names()``, from the scatter between windows.
+        covariance: (P, P) of ``model.names()``, from the scatter between windows and what is not
+            known of the wheel angles; None where it was not asked for.
         windows: number of windows.
         cost: half the sum of squared scaled errors, before and after.
         converged: whether further steps would not have helped.
@@ -46,7 +51,7 @@ class OutputError:
     """
 
     model: Model
-    covariance: np.ndarray
+    covariance: np.ndarray | None
     windows: int
     cost: tuple[float, float]
     converged: bool
@@ -61,6 +66,8 @@ def refine(
     iterations: int = 30,
     keep: list[np.ndarray] | None = None,
     weights: list[np.ndarray] | None = None,
+    tolerance: float = TOLERANCE,
+    intervals: bool = True,
 ) -> OutputError:
     """Refine a model by output error.
 
@@ -72,6 +79,8 @@ def refine(
         iterations: most Gauss-Newton steps.
         keep: (W,) for each log, the windows that are fitted; all when None.
         weights: (m,) for each log, of its outputs; ``output_weights`` when None.
+        tolerance: share of the sum of squares that a step must remove to be worth another.
+        intervals: whether the covariance is wanted, which takes a while.
 
     Returns:
         The refined model with its covariance.  Contrast parameters keep their mean.
@@ -92,12 +101,12 @@ def refine(
             if trial.cost < now.cost:
                 better = trial
                 break
-        if better is None or now.cost - better.cost < TOLERANCE * now.cost:
+        if better is None or now.cost - better.cost < tolerance * now.cost:
             now, converged = better or now, True
             break
         now = better
-    covariance = now.covariance(directions)
-    refined = replace(now.model, covariance=covariance.tolist())
+    covariance = now.covariance(directions) if intervals else None
+    refined = replace(now.model, covariance=covariance.tolist() if intervals else None)
     clusters = int(now.groups[-1]) + 1
     return OutputError(refined, covariance, clusters, (first, now.cost), converged, now.simulations)
 
@@ -173,8 +182,24 @@ class _Fit:
                 scores - mine.T @ error
             )
         moves -= moves.mean(axis=0)
+        scatter = moves.T @ moves * (count - 1) / count
+        if Structure.of(self.model).track_wheels:
+            drifts = np.linalg.lstsq(scaled, self.drifts(), rcond=WEAK)[0]
+            scatter += drifts @ drifts.T / DRIFTS
         turn = basis / scale
-        return turn @ (moves.T @ moves * (count - 1) / count) @ turn.T
+        return turn @ scatter @ turn.T
+
+    def drifts(self) -> np.ndarray:
+        """(N, DRIFTS) changes of the errors when the wheel angles are as wrong as they may be."""
+        rng, changes = np.random.default_rng(0), []
+        for _ in range(DRIFTS):
+            other = [drifted(sim, rng) for sim in self.simulations]
+            error = [
+                scaled_error(sim, weight)[kept].ravel()
+                for sim, weight, kept in zip(other, self.weights, self.keep, strict=True)
+            ]
+            changes.append(np.concatenate(error) - self.error)
+        return np.stack(changes, axis=1)
 
 
 def free_directions(model: Model, free: tuple[str, ...] | None = None) -> np.ndarray:

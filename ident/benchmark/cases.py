@@ -24,6 +24,7 @@ from ident.benchmark.laws import LAWS
 from ident.benchmark.outside import OUTSIDE
 from ident.benchmark.robots import draw_robots
 from ident.benchmark.scaling import amount_for
+from ident.diagnosis.menu import SECONDS, menu
 from ident.log import Log
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
@@ -179,6 +180,19 @@ def record_case(case: Case) -> Recorded:
     share = {name: part for name, (_, part) in zip(case.hidden, found, strict=True)}
     fit, verify = _record_both(case, truth, conditions, first, second)
     return Recorded(fit, verify, truth, case.part != "rollers", share, conditions)
+
+
+def record_experiment(case: Case, recorded: Recorded, motion: str) -> Log:
+    """Record the robot of a case once more, in a motion that a diagnosis asked for.
+
+    Args:
+        case: the case.
+        recorded: what was recorded of it before.
+        motion: name in ``ident.diagnosis.menu``.
+    """
+    child = case.children(7)[6]
+    times = recorded.conditions.times(SECONDS, np.random.default_rng(child))
+    return record("experiment", recorded.truth, menu()[motion], times, Sensors(), child)
 
 
 def scale(

@@ -1,7 +1,7 @@
 """Who answers: the diagnosis of this project, and the baselines.
 
-A method is a function ``(fit, verify, seed) -> answer`` of two logs of one robot, with the answer
-in the form of ``Diagnosis.as_dict``: ``verdict`` and ``named`` at least.
+A method is a function ``(fit, verify, seed) -> answer`` of logs of one robot, with the answer in
+the form of ``Diagnosis.as_dict``: ``verdict`` and ``named`` at least.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 from ident.log import Log
 
 
-def diagnosis(fit: Log, verify: Log, seed: int) -> dict[str, Any]:
+def diagnosis(fit: Log | list[Log], verify: Log, seed: int) -> dict[str, Any]:
     """Ask ``ident.diagnose``, which sees the verifying record only to report errors on it."""
     from ident import diagnose
 

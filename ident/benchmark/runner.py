@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ident.benchmark.cases import Case, Recorded, record_case
+from ident.benchmark.cases import Case, Recorded, record_case, record_experiment
 from ident.benchmark.methods import METHODS
 from ident.benchmark.store import Store
 from ident.free_run import free_run
@@ -83,11 +83,12 @@ def examine(method: str, case: Case, methods: dict[str, Method] = METHODS) -> di
         What ``Store`` keeps: ``method``, ``case``, ``part``, ``hidden``, ``size``, ``truth``
         (parameters of the hidden effects), ``share`` of the torque, ``conditions``, ``oracle``
         (free-run error of the true model on the verifying log, or None), ``answer``, ``seconds``
-        of the answer alone, and ``error``, the traceback where something failed.
+        of the answer alone, ``followed``, the answer with the experiment that an ambiguous one
+        asked for (else None), and ``error``, the traceback where something failed.
     """
     kept: dict[str, Any] = {
         "method": method, "case": case.id, "part": case.part, "hidden": list(case.hidden),
-        "size": case.size, "error": None, "answer": None,
+        "size": case.size, "error": None, "answer": None, "followed": None,
     }  # fmt: skip
     try:
         recorded = record_case(case)
@@ -96,6 +97,10 @@ def examine(method: str, case: Case, methods: dict[str, Method] = METHODS) -> di
         start = time.perf_counter()
         answer = methods[method](recorded.fit, recorded.verify, seed)
         kept |= {"seconds": time.perf_counter() - start, "answer": answer}
+        experiment = answer.get("experiment")
+        if answer["verdict"] == "ambiguous" and experiment and recorded.exact:
+            more = record_experiment(case, recorded, experiment["motion"])
+            kept["followed"] = methods[method]([recorded.fit, more], recorded.verify, seed)
     except Exception:  # whatever it is, it belongs to this case and not to the run
         kept["error"] = traceback.format_exc()
     return plain(kept)

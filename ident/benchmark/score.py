@@ -57,9 +57,16 @@ class Score:
     closed: float | None
 
 
-def score(record: dict[str, Any]) -> Score:
-    """Score one stored record (see ``runner.examine``)."""
+def score(record: dict[str, Any], at_last: bool = False) -> Score:
+    """Score one stored record (see ``runner.examine``).
+
+    Args:
+        record: the record.
+        at_last: whether the answer after the experiment counts, where there was one.
+    """
     answer, hidden = record["answer"], tuple(record["hidden"])
+    if at_last and record.get("followed"):
+        answer = record["followed"]
     rolling = ROLLING if record["part"] == "rollers" else ()
     steps = [step for step in answer["named"] if step["effect"] not in rolling]
     names = tuple(step["effect"] for step in steps)

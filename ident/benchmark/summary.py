@@ -87,6 +87,7 @@ def _one_method(records: list[dict[str, Any]]) -> dict[str, Any]:
         "nothing": _counted(part("nothing")),
         "sizes": {f"{size:g}": _rates(part("single", size)) for size in sizes},
         "effects": _by_effect(single, sizes),
+        "followed": _followed([r for r, _ in single if r["size"] == 1.0]),
         "confusion": _confusion([(r, s) for r, s in single if r["size"] == 1.0]),
         "outside": _grouped(scored, "outside", _counted),
         "laws": _grouped(scored, "laws", _rates),
@@ -135,6 +136,17 @@ def _by_effect(single: Scored, sizes: list[float]) -> dict[str, Any]:
             share = float(np.median(shares)) if shares else None
             found[effect][f"{size:g}"] = _rates([s for _, s in chosen]) | {"share": share}
     return found
+
+
+def _followed(records: list[dict[str, Any]]) -> dict[str, Any]:
+    """Rates when the experiment that an ambiguous answer asked for has been recorded."""
+    asked = [record for record in records if record.get("followed")]
+    return {
+        "asked": len(asked),
+        "exact": Rate.of(score(record, at_last=True).exact for record in records).as_dict(),
+        "of_those_asked": Rate.of(score(r, at_last=True).exact for r in asked).as_dict(),
+        "of_those_asked_before": Rate.of(score(r).exact for r in asked).as_dict(),
+    }
 
 
 def _confusion(scored: Scored) -> dict[str, dict[str, int]]:

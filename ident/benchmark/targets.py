@@ -17,6 +17,8 @@ def targets(result: dict[str, Any]) -> list[dict[str, Any]]:
         ("right group, full size", _get(full, "group"), "at least 97 %", lambda v: v >= 0.97),
         ("right group, half size", _get(half, "group"), "at least 90 %", lambda v: v >= 0.90),
         ("exact name, full size", _get(full, "exact"), "at least 90 %", lambda v: v >= 0.90),
+        ("exact name after the proposed experiment, full size", result["followed"]["exact"],
+         "at least 97 %", lambda v: v >= 0.97),
         ("reported set holds the truth, full size", _get(full, "holds"), "at least 95 %",
          lambda v: v >= 0.95),
         ("mean size of the reported set", _plain(full and full["set_size"], ""), "at most 1.5",

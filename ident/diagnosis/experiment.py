@@ -84,6 +84,8 @@ def separating(models: dict[str, Model], error: float) -> Experiment | None:
     """
     found = {}
     for name, motion in menu().items():
+        if name == CALIBRATION.motion:
+            continue  # what it tells beyond the others is in the jumps between its motions
         pairs = itertools.permutations(models.values(), 2)
         distances = [distance(robot, other, motion) for robot, other in pairs]
         # Twice the logarithm of the odds of the robot against its rival.
@@ -93,7 +95,7 @@ def separating(models: dict[str, Model], error: float) -> Experiment | None:
     if odds[order[0]] < 2.0:
         return None
     best = order[0]
-    purpose = getattr(menu()[best], "purpose", "the paper's motions I to IV")
+    purpose = menu()[best].purpose
     others = tuple((name, odds[name]) for name in order[1:])
     return Experiment(best, purpose, SECONDS / 60.0, tuple(models), odds[best], others)
 

@@ -20,13 +20,15 @@ from youbot_env.model import Model
 # A rival with a chance above this to be as good as the best cannot be told from it.
 CHANCE = 0.05
 # Effects that make the drive late smooth the noise of its record, each in its own way.  That feigns
-# up to this share of what they explain.
-FEIGNED = 0.3
+# up to these shares of what they explain and of what they leave.
+FEIGNED = (0.3, 0.15)
 # Independent errors in a window, for Schwarz's criterion: they remember each other some tenths of
 # a second.
 EACH = 8
 # Gauss-Newton steps of a refinement; the start is close.
 STEPS = 8
+# What a step removes when it was the last one worth taking.
+TOLERANCE = 1e-4
 # Values without a derivative: looks, and how close to come, as a share of the search range.
 LOOKS, CLOSE = 12, 0.002
 
@@ -71,15 +73,48 @@ def window_losses(parts: list[Part], simulations) -> np.ndarray:
     return np.concatenate([np.mean(scaled_error(s, p.weights) ** 2, axis=(1, 2)) for p, s in pairs])
 
 
-def refit(parts: list[Part], model: Model, steps: int = STEPS) -> tuple[OutputError, tuple]:
+def refit(
+    parts: list[Part], model: Model, steps: int = STEPS, intervals: bool = False
+) -> tuple[OutputError, tuple]:
     """Refine a model on the windows for fitting; also simulate the other logs with it."""
     fitted = [part for part in parts if part.windows(FIT).any()]
     keep = [part.windows(FIT) for part in fitted]
     weights = [part.weights for part in fitted]
     logs = [part.log for part in fitted]
-    refined = refine(logs, model, iterations=steps, keep=keep, weights=weights)
+    refined = refine(
+        logs,
+        model,
+        iterations=steps,
+        keep=keep,
+        weights=weights,
+        tolerance=TOLERANCE,
+        intervals=intervals,
+    )
     others = [Linearised.of(p.log, refined.model) for p in parts[len(fitted) :]]
     return refined, (*refined.simulations, *others)
+
+
+class Refits:
+    """Models refined on the same logs; equal effects are refined once.
+
+    Args:
+        parts: the logs.
+    """
+
+    def __init__(self, parts: list[Part]):
+        self.parts = parts
+        self._known: dict[tuple, tuple[OutputError, tuple]] = {}
+
+    def of(self, model: Model) -> tuple[OutputError, tuple]:
+        """As ``refit``; the values of ``model`` only matter where they are not refined."""
+        key = tuple(
+            (a.identifier, tuple(a.values), tuple(v for n, v in a.values.items()
+             if not a.effect.parameter_of(n).smooth))
+            for a in model.effects
+        )  # fmt: skip
+        if key not in self._known:
+            self._known[key] = refit(self.parts, model, intervals=True)
+        return self._known[key]
 
 
 def _located(parts: list[Part], model: Model) -> Model | None:
@@ -169,7 +204,7 @@ def _alike(
         gap = losses[k] - best
         spread = gap.std(ddof=1) / np.sqrt(count)
         chance = stats.t.sf(gap.mean() / max(spread, 1e-15), count - 1)
-        feigned = FEIGNED * (1.0 - best.mean())
+        feigned = max(FEIGNED[0] * (1.0 - best.mean()), FEIGNED[1] * best.mean())
         if chance > CHANCE or (found[k].late and kept[0].late and gap.mean() < feigned):
             kept.append(found[k])
     return kept

@@ -30,7 +30,7 @@ SLACK = 0.25
 # unknown prevails, and only effects of at least this share of their typical size are believed.
 PREVAILING, SIZEABLE = 0.5, 0.5
 # Refined are trials with at least this share of the best gain, and at most so many effects.
-WORTH, MOST = 0.4, 6
+WORTH, MOST = 0.4, 5
 # Also refined are trials that explain this share of what the best explains where it is fitted.
 AS_WELL = 0.85
 # A dependence that removes this share of the error while no effect passes, or that leaves less

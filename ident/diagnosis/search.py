@@ -9,13 +9,15 @@ import numpy as np
 
 from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.parts import Part
-from ident.diagnosis.rivals import Candidate, candidate, refit
+from ident.diagnosis.rivals import Candidate, Refits, candidate
 from ident.diagnosis.rounds import Round
 from ident.diagnosis.steps import Step, with_steps, without, without_idle
 from ident.output_error import OutputError
 from ident.sensitivity import Linearised
 
 MOST_EFFECTS, ROUNDS = 3, 6
+# Times that all steps are chosen again; the second only where the first has changed one.
+PASSES = 2
 
 
 @dataclass
@@ -23,7 +25,7 @@ class Search:
     """One search and how far it has come.
 
     Attributes:
-        parts: the logs.
+        fits: the logs, and what was refined on them.
         base: the model to which effects are added.
         generic: dependences that compete with the library.
         seeds: of the bootstraps.
@@ -33,7 +35,7 @@ class Search:
         outside: whether a dependence explains more than the library does.
     """
 
-    parts: list[Part]
+    fits: Refits
     base: OutputError
     generic: list[Dependence]
     seeds: list[int]
@@ -44,6 +46,11 @@ class Search:
     outside: bool = False
 
     @property
+    def parts(self) -> list[Part]:
+        """The logs."""
+        return self.fits.parts
+
+    @property
     def real(self) -> list[Step]:
         """Effects added, but for what every robot has."""
         return [step for step in self.steps if not step.background]
@@ -52,6 +59,11 @@ class Search:
         """A round on top of a simulated model."""
         seed = self.seeds[min(len(self.steps), len(self.seeds) - 1)]
         return Round.of(self.parts, simulations, self.generic, seed, origin, self.first.error)
+
+    def aside(self, simulations: tuple[Linearised, ...]) -> Round:
+        """A round that only chooses between effects."""
+        seed, origin = self.seeds[-1], self.last.origin
+        return Round.of(self.parts, simulations, [], seed, origin, self.first.error)
 
     def add(self, group: list[Candidate], p: float, background: bool = False) -> None:
         """Add the best of a group."""
@@ -70,11 +82,11 @@ class Search:
 
     def prune(self) -> bool:
         """Drop what came late has made superfluous; tell whether that made room."""
-        needed = without_idle(self.parts, self.base.model, self.steps)
+        needed = without_idle(self.fits, self.base.model, self.steps)
         if len(needed) == len(self.steps):
             return False
         self.steps = needed
-        _, simulations = refit(self.parts, with_steps(self.base.model, needed))
+        _, simulations = self.fits.of(with_steps(self.base.model, needed))
         self.last = self.after(simulations, self.last.origin)
         return True
 
@@ -97,13 +109,12 @@ class Search:
         given = candidate(self.parts, self.last.evidence, pair[0])
         if given is None:
             return group
-        origin = self.last.origin
-        beside = self.after(given.simulations, origin)
+        beside = self.aside(given.simulations)
         shown = beside.choose()
         if not shown:
             return group
         alone = without(shown[0].model, given.identifier)
-        third = self.after(refit(self.parts, alone)[1], origin)
+        third = self.after(self.fits.of(alone)[1], self.last.origin)
         other = third.choose()
         if not other:
             return group
@@ -111,17 +122,23 @@ class Search:
         self.last = third
         return other
 
-    def settle(self, number: int) -> None:
-        """Choose one step again, on top of all the others."""
-        step = self.steps[number]
-        if step.background:
-            return
-        rest = without(with_steps(self.base.model, self.steps), step.best.identifier)
-        now = self.after(refit(self.parts, rest)[1], self.last.origin)
-        group = now.choose()
-        if group:
-            names, p = tuple(c.identifier for c in group), float(now.p[group[0].number])
-            self.steps[number] = Step(group[0], names, p, False, tuple(group[1:]))
+    def settle(self) -> None:
+        """Choose every step again that was not chosen beside all the others."""
+        before = [step.best.identifier for step in self.steps]
+        for number, step in enumerate(self.steps):
+            others = {other.best.identifier for other in self.steps if other is not step}
+            if step.background or step.beside == others:
+                continue
+            self.tell(f"comparing rivals of {step.best.identifier} again")
+            rest = without(with_steps(self.base.model, self.steps), step.best.identifier)
+            now = self.aside(self.fits.of(rest)[1])
+            group = now.choose()
+            if group:
+                names, p = tuple(c.identifier for c in group), float(now.p[group[0].number])
+                self.steps[number] = Step(group[0], names, p, False, tuple(group[1:]))
+        if before != [step.best.identifier for step in self.steps]:
+            _, simulations = self.fits.of(with_steps(self.base.model, self.steps))
+            self.last = self.after(simulations, self.last.origin)
 
 
 def search(
@@ -146,7 +163,7 @@ def search(
     seeds = [int(source.generate_state(1)[0]) for source in sources]
     tell("trying every effect")
     first = Round.of(parts, simulations, generic, seeds[0])
-    at = Search(parts, base, generic, seeds, tell, first, first, [])
+    at = Search(Refits(parts), base, generic, seeds, tell, first, first, [])
     at.add_background()
     origin = at.last.error
     for _ in range(ROUNDS):
@@ -164,9 +181,7 @@ def search(
         at.outside = False
         at.add(group, float(at.last.p[group[0].number]))
         at.last = at.after(group[0].simulations, origin)
-    at.steps = without_idle(parts, base.model, at.steps)
-    if len(at.steps) > 1:
-        tell("comparing rivals again, with everything else explained")
-        for number in range(len(at.steps)):
-            at.settle(number)
+    at.steps = without_idle(at.fits, base.model, at.steps)
+    for _ in range(PASSES):
+        at.settle()
     return at

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtrit
 
-from ident.diagnosis.parts import FIT, SELECT, Part
-from ident.diagnosis.rivals import Candidate, refit, window_losses
+from ident.diagnosis.parts import FIT, SELECT
+from ident.diagnosis.rivals import Candidate, Refits, window_losses
 from ident.diagnosis.rounds import LEAST_GAIN
 from ident.output_error import OutputError
 from ident.quantities import Quantity
@@ -33,6 +33,11 @@ class Step:
     p: float
     background: bool
     rivals: tuple[Candidate, ...] = ()
+
+    @property
+    def beside(self) -> set[str]:
+        """Effects that were in the model when this one was chosen."""
+        return {a.identifier for a in self.best.model.effects} - {self.best.identifier}
 
     def sizes(self, model: Model) -> dict[str, Quantity]:
         """Sizes with 95 % intervals in a model that was refined with the effect."""
@@ -70,31 +75,33 @@ def with_steps(base: Model, steps: list[Step]) -> Model:
     return latest.with_effects(kept)
 
 
-def without_idle(parts: list[Part], base: Model, steps: list[Step]) -> list[Step]:
+def without_idle(fits: Refits, base: Model, steps: list[Step]) -> list[Step]:
     """Leave out effects that later ones have made superfluous."""
     if len(steps) < 2:
         return steps
-    role = np.concatenate([part.role for part in parts])
+    role = np.concatenate([part.role for part in fits.parts])
     deciding = role == SELECT if np.any(role == SELECT) else role == FIT
+
+    def loss(model: Model) -> float:
+        return float(window_losses(fits.parts, fits.of(model)[1])[deciding].mean())
+
     kept = list(steps)
     for step in steps[:-1]:
-        fewer = [other for other in kept if other is not step]
-        _, simulations = refit(parts, with_steps(base, kept))
-        _, less = refit(parts, without(with_steps(base, kept), step.best.identifier))
-        full = window_losses(parts, simulations)[deciding].mean()
-        if window_losses(parts, less)[deciding].mean() < full / (1.0 - 0.5 * LEAST_GAIN):
-            kept = fewer
+        full = with_steps(base, kept)
+        idle = loss(without(full, step.best.identifier)) < loss(full) / (1.0 - 0.5 * LEAST_GAIN)
+        if idle:
+            kept = [other for other in kept if other is not step]
     return kept
 
 
-def chain_of(parts: list[Part], base: OutputError, steps: list[Step]) -> list[tuple[str, Model]]:
+def chain_of(fits: Refits, base: OutputError, steps: list[Step]) -> list[tuple[str, Model]]:
     """Names and models from the base to the final one, one effect more each time."""
     chain = [("", base.model)]
     for count in range(1, len(steps) + 1):
         model = with_steps(base.model, steps)
         for later in steps[count:]:
             model = without(model, later.best.identifier)
-        chain.append((steps[count - 1].best.identifier, refit(parts, model)[0].model))
+        chain.append((steps[count - 1].best.identifier, fits.of(model)[0].model))
     return chain
 
 

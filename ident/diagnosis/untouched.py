@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.diagnosis.floor import noise_floor
 from ident.diagnosis.parts import FEWEST, VERIFY, Part
-from ident.diagnosis.rivals import refit
+from ident.diagnosis.rivals import Refits
 from ident.diagnosis.rounds import LEAST_GAIN
 from ident.diagnosis.steps import Step, with_steps, without
 from ident.free_run import free_run
@@ -18,6 +18,8 @@ from ident.sensitivity import Linearised, window_length
 from youbot_env.model import Model
 
 DRAWS = 2000
+# Squared error beyond that of noise, in units of the latter, that noise is no excuse for.
+CLEAR = 2.0
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,19 @@ class FreeRunErrors:
         """
         return np.sqrt(np.mean((self.axes / self.axes[0]) ** 2, axis=1))
 
+    @property
+    def left(self) -> float:
+        """Share of the squared error beyond noise that the final model leaves."""
+        return self._excess(-1) / max(self._excess(0), 1e-300)
+
+    @property
+    def clear(self) -> bool:
+        """Whether what the final model leaves is clearly more than noise."""
+        return self._excess(-1) > CLEAR * self.floor**2
+
+    def _excess(self, number: int) -> float:
+        return max(self.nrmse[number] ** 2 - self.floor**2, 0.0)
+
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows."""
         return {
@@ -102,7 +117,7 @@ def free_run_errors(
 
 
 def confirmed(
-    parts: list[Part], base: OutputError, steps: list[Step], simulation: Linearised
+    fits: Refits, base: OutputError, steps: list[Step], simulation: Linearised
 ) -> list[Step]:
     """Leave out steps without which the error on untouched windows is hardly larger.
 
@@ -111,8 +126,8 @@ def confirmed(
     while len(steps) > 1:
         full = with_steps(base.model, steps)
         models = [without(full, step.best.identifier) for step in steps] + [full]
-        chain = [("", base.model)] + [("", refit(parts, model)[0].model) for model in models]
-        errors = free_run_errors(parts, chain, simulation)
+        chain = [("", base.model)] + [("", fits.of(model)[0].model) for model in models]
+        errors = free_run_errors(fits.parts, chain, simulation)
         least = LEAST_GAIN if errors.windows >= FEWEST else 0.0
         gain = 1.0 - errors.remaining[-1] ** 2 / errors.remaining[1:-1] ** 2
         idlest = int(np.argmin(gain))

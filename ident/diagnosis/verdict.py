@@ -129,13 +129,13 @@ def diagnose(
     tell("fitting the base model")
     refined, simulations = refit(parts, model, steps=30)
     parts = weigh(parts, simulations)
-    refined, simulations = refit(parts, refined.model)
+    refined, simulations = refit(parts, refined.model, intervals=True)
     base = refined.model
     found = search(parts, refined, simulations, dependences(everything), seed, tell)
     first, now, outside = found.first, found.last, found.outside
     tell("measuring errors on untouched windows")
-    steps = confirmed(parts, refined, found.steps, first.simulations[-1])
-    chain = chain_of(parts, refined, steps)
+    steps = confirmed(found.fits, refined, found.steps, first.simulations[-1])
+    chain = chain_of(found.fits, refined, steps)
     errors = free_run_errors(parts, chain, first.simulations[-1])
     last = chain[-1][1]
     steps.sort(key=lambda step: step.background)
@@ -181,7 +181,8 @@ def _judge(
     fall = f"free-run error {100 * errors.before:.3g} % to {100 * errors.after:.3g} %"
     signals = ", ".join(signal for signal, _ in last.dependences()) or "no signal that was tried"
     names = ", ".join(step.best.identifier for step in real)
-    left = last.excess / max(first.excess, 1e-300)
+    left = max(last.excess / max(first.excess, 1e-300), errors.left)
+    clear = last.excess > last.floor or errors.clear
     rolling = not first.wheels_agree
     if outside:
         return "outside_library", f"the error depends on {signals}, as no effect explains"
@@ -200,7 +201,7 @@ def _judge(
         return "cannot_say", (
             f"{names} fit, but not what was kept for the end ({fall}); record another motion"
         )
-    if not rolling and left > REMAINDER and last.excess > last.floor:
+    if not rolling and left > REMAINDER and clear:
         return "outside_library", (
             f"{names} fit best, but leave {100 * left:.0f} % of what noise does not explain; the "
             f"wheels agree, so it is not the rollers; it depends on {signals}"

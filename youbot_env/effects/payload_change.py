@@ -32,7 +32,7 @@ class PayloadChange(Effect):
             60.0,
             (0.0, 3600.0),
             linear=False,
-            profile=tuple(k / 20 for k in range(1, 20)),
+            profile=tuple(k / 14 for k in range(1, 14)),
             profile_unit="duration",
             smooth=False,
         ),

@@ -1,0 +1,44 @@
+"""What integrated wheel speeds do not know of the wheel angles, and what that does to a fit.
+
+Laws that read the wheel angle get the integral of the measured speeds.  Its error is a random walk
+that lasts over all windows, so no scatter between windows shows it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ident.log import Log
+from ident.sensitivity import Linearised
+
+# White noise becomes this much larger in second differences: 1 + 4 + 1.
+AMPLIFIED = 6.0
+# Median of |x| of a normal variable in standard deviations.
+MEDIAN = 0.6745
+
+
+def white_variance(log: Log, signal: np.ndarray) -> np.ndarray:
+    """(k,) variances of the white part of a signal (N, k), robust against steps."""
+    differences, start = [], 0
+    for piece in log.pieces():
+        count = len(piece.time)
+        differences.append(np.diff(signal[start : start + count], 2, axis=0))
+        start += count
+    joined = np.concatenate(differences)
+    return (np.median(np.abs(joined), axis=0) / MEDIAN) ** 2 / AMPLIFIED
+
+
+def drifted(sim: Linearised, rng: np.random.Generator) -> Linearised:
+    """The log simulated once more, with wheel angles as wrong as integrated noise makes them."""
+    log = sim.log
+    speed = log.wheel_velocity
+    if speed is None:
+        speed = log.velocity() @ log.platform.jacobian_array.T
+    noise = np.sqrt(white_variance(log, speed)) * rng.normal(size=speed.shape)
+    walk = np.cumsum(noise * np.gradient(log.time)[:, None], axis=0)
+    rows = (sim.windows.index - 1).ravel()
+    windows = replace(sim.windows, angles=sim.windows.angles + walk[rows].T)
+    after = windows.simulate(sim.model.values())
+    return replace(sim, windows=windows, states=np.concatenate([sim.states[:, :1], after], axis=1))
