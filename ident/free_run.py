@@ -21,7 +21,7 @@ from youbot_env.compiled import advance_function
 from youbot_env.effects.base import Signals
 from youbot_env.model import Model
 from youbot_env.plant import Robot, State, Structure
-from youbot_env.simulation.analytic import choose_substeps, history_length
+from youbot_env.simulation.analytic import STEP_FRACTION, choose_substeps, history_length
 
 WINDOW = 5.0
 # What a record begins with is left out: what the drive was told before it still acts, s.
@@ -97,15 +97,19 @@ class Windows:
         return np.asarray(states).T.reshape(count, length, -1)
 
 
-def cut_windows(log: Log, model: Model, window: float = WINDOW) -> Windows:
+def cut_windows(
+    log: Log, model: Model, window: float = WINDOW, fraction: float = STEP_FRACTION
+) -> Windows:
     """Cut a log into windows of ``window`` seconds; a shorter rest at the end is left out.
+
+    ``fraction`` is that of ``choose_substeps``.
 
     Raises:
         ValueError: no contiguous piece holds one window.
     """
     structure = Structure.of(model)
     dt = log.dt
-    substeps = choose_substeps(model, dt)
+    substeps = choose_substeps(model, dt, fraction)
     delay = structure.bind(model.values()).delay()
     history = history_length(structure, delay, dt)
     length = max(1, round(window / dt))

@@ -19,7 +19,6 @@ from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
 from youbot_env.parameters import UNITS
-from youbot_env.plant import Structure
 
 # Theta may move within these factors of its start; first moments within this many kg m.
 FACTORS = (0.02, 50.0)
@@ -33,7 +32,7 @@ TOLERANCE = 1e-6
 # A simulation that runs away counts as this many spreads.
 LIMIT = 1e3
 # Draws of the drift of the wheel angles.
-DRIFTS = 16
+DRIFTS = 8
 
 
 @dataclass(frozen=True)
@@ -183,7 +182,8 @@ class _Fit:
             )
         moves -= moves.mean(axis=0)
         scatter = moves.T @ moves * (count - 1) / count
-        if Structure.of(self.model).track_wheels:
+        # What every robot has is no answer, and its own sizes hardly depend on the drift.
+        if any(a.effect.needs_wheel_angle and not a.effect.background for a in self.model.effects):
             drifts = np.linalg.lstsq(scaled, self.drifts(), rcond=WEAK)[0]
             scatter += drifts @ drifts.T / DRIFTS
         turn = basis / scale

@@ -36,6 +36,9 @@ STEP, SMALL = 1e-3, 1e-2
 
 
 DRIVE = ("drive", "delay")
+# Largest step of a simulation, in units of the fastest time constant: what is lost is far below the
+# noise of a log.
+COARSE = 1.2
 
 
 def window_length(log: Log) -> float:
@@ -65,7 +68,7 @@ class Linearised:
         Raises:
             ValueError: no contiguous piece of the log holds a window.
         """
-        windows = cut_windows(log, model, window or window_length(log))
+        windows = cut_windows(log, model, window or window_length(log), COARSE)
         after = windows.simulate(model.values())
         return cls(log, model, windows, np.concatenate([windows.start.T[:, None], after], axis=1))
 

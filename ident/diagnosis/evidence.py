@@ -241,6 +241,13 @@ class Evidence:
         mine, table = self.columns[number], self._with(beside)
         return table.solve(mine - self.base, ends=self.ends(number)) / self.scale[mine]
 
+    def base_values(self, number: int) -> np.ndarray:
+        """(P,) values of the base model when a trial is fitted with them."""
+        mine, table = self.columns[number] - self.base, self._fitted
+        b = table.solve(mine, ends=self.ends(number))
+        moved = (table.share[:, -1] - table.share[:, mine] @ b) / self.scale[: self.base]
+        return np.array(self.model.values()) + free_directions(self.model) @ moved
+
     def scatter(self, number: int) -> np.ndarray:
         """(k, k) covariance of the coefficients, from the scatter of scores between stretches.
 

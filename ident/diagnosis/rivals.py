@@ -27,10 +27,10 @@ FEIGNED = (0.3, 0.15)
 EACH = 8
 # Gauss-Newton steps of a refinement; the start is close.
 STEPS = 8
-# What a step removes when it was the last one worth taking.
-TOLERANCE = 1e-4
+# What a step removes when it was the last one worth taking; less care suffices to compare effects.
+TOLERANCE, ROUGH = 1e-4, 1e-3
 # Values without a derivative: looks, and how close to come, as a share of the search range.
-LOOKS, CLOSE = 12, 0.002
+LOOKS, CLOSE = 9, 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,11 @@ def window_losses(parts: list[Part], simulations) -> np.ndarray:
 
 
 def refit(
-    parts: list[Part], model: Model, steps: int = STEPS, intervals: bool = False
+    parts: list[Part],
+    model: Model,
+    steps: int = STEPS,
+    intervals: bool = False,
+    tolerance: float = TOLERANCE,
 ) -> tuple[OutputError, tuple]:
     """Refine a model on the windows for fitting; also simulate the other logs with it."""
     fitted = [part for part in parts if part.windows(FIT).any()]
@@ -87,7 +91,7 @@ def refit(
         iterations=steps,
         keep=keep,
         weights=weights,
-        tolerance=TOLERANCE,
+        tolerance=tolerance,
         intervals=intervals,
     )
     others = [Linearised.of(p.log, refined.model) for p in parts[len(fitted) :]]
@@ -107,14 +111,24 @@ class Refits:
 
     def of(self, model: Model) -> tuple[OutputError, tuple]:
         """As ``refit``; the values of ``model`` only matter where they are not refined."""
-        key = tuple(
+        key = self._key(model)
+        if key not in self._known:
+            self._known[key] = refit(self.parts, model)
+        return self._known[key]
+
+    def with_intervals(self, model: Model) -> Model:
+        """The refined model with its covariance."""
+        refined, key = self.of(model)[0], self._key(model)
+        if refined.covariance is None:
+            self._known[key] = refit(self.parts, refined.model, steps=1, intervals=True)
+        return self._known[key][0].model
+
+    def _key(self, model: Model) -> tuple:
+        return tuple(
             (a.identifier, tuple(a.values), tuple(v for n, v in a.values.items()
              if not a.effect.parameter_of(n).smooth))
             for a in model.effects
         )  # fmt: skip
-        if key not in self._known:
-            self._known[key] = refit(self.parts, model, intervals=True)
-        return self._known[key]
 
 
 def _located(parts: list[Part], model: Model) -> Model | None:
@@ -147,11 +161,11 @@ def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate |
     """Refine a trial; None where its sizes make no sense together."""
     trial = evidence.trials[number]
     with np.errstate(all="ignore"):
-        start = trial.start(evidence.coefficients(number))
-        refined, simulations = refit(parts, start)
+        start = trial.start(evidence.coefficients(number), evidence.base_values(number))
+        refined, simulations = refit(parts, start, tolerance=ROUGH)
         located = _located(parts, refined.model)
         if located is not None:
-            refined, simulations = refit(parts, located)
+            refined, simulations = refit(parts, located, tolerance=ROUGH)
     active = refined.model.effects[-1]
     if not active.effect.plausible(active.values):
         return None

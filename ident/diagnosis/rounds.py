@@ -41,6 +41,8 @@ TELLING, OUTSIDE = 0.15, 0.6
 UNEXPLAINED, REMAINDER = 3.0, 0.3
 # A trial of single wheels must gain this much more than one of all alike.
 SPLIT = 0.02
+# A form that leaves less than this share of what another one leaves is the better one anyway.
+INCOMPARABLY = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +52,8 @@ class Round:
     Attributes:
         parts: the logs.
         simulations: each simulated with the model.
-        evidence: about every trial and dependence.
+        evidence: about every trial.
+        generic: dependences that compete with them.
         gains, p: of each.
         origin: mean squared scaled error, with what every robot has explained, of which an effect
             must remove a part.
@@ -62,6 +65,7 @@ class Round:
     parts: list[Part]
     simulations: tuple[Linearised, ...]
     evidence: Evidence
+    generic: list[Dependence]
     gains: np.ndarray
     p: np.ndarray
     floor: float
@@ -82,13 +86,13 @@ class Round:
         """Try everything on top of the model that the logs are simulated with."""
         model, log = simulations[0].model, parts[0].log
         with np.errstate(all="ignore"):
-            evidence = Evidence.of(parts, list(simulations), trials(model, log), generic)
+            evidence = Evidence.of(parts, list(simulations), trials(model, log), [])
         gains = np.array([evidence.gain(k) for k in range(len(evidence.columns))])
         floor = noise_floor(simulations[0], parts[0].weights)[0]
         p = evidence.p_values(seed)[1]
         loss = window_losses(parts, simulations)
         error = float(loss[evidence.role == FIT].mean())
-        return cls(parts, simulations, evidence, gains, p, floor, loss, origin or error,
+        return cls(parts, simulations, evidence, generic, gains, p, floor, loss, origin or error,
                    unexplained or error)  # fmt: skip
 
     @cached_property
@@ -145,12 +149,18 @@ class Round:
         """The best form of each effect, best first."""
         best: dict[str, int] = {}
         for k in numbers:
-            trial = self.trial(k)
-            old = best.get(trial.identifier)
-            handicap = SPLIT * (trial.per_wheel - (old is not None and self.trial(old).per_wheel))
-            if old is None or self.gains[k] > self.gains[old] + handicap:
-                best[trial.identifier] = k
+            old = best.get(self.trial(k).identifier)
+            if old is None or self._better_form(k, old):
+                best[self.trial(k).identifier] = k
         return sorted(best.values(), key=lambda k: -self.gains[k])
+
+    def _better_form(self, number: int, old: int) -> bool:
+        """Compare two forms of an effect that pass, by gain unless one fits incomparably better."""
+        left = [1.0 - self.evidence.explained(k) for k in (number, old)]
+        if min(left) < INCOMPARABLY * max(left):
+            return left[0] < left[1]
+        handicap = SPLIT * (self.trial(number).per_wheel - self.trial(old).per_wheel)
+        return bool(self.gains[number] > self.gains[old] + handicap)
 
     def choose(self) -> list[Candidate]:
         """The group that fits best, refined; empty where nothing passes."""
@@ -197,12 +207,21 @@ class Round:
     def dependences(self) -> list[tuple[str, float]]:
         """Signals that a generic dependence is found on, and its gain, strongest first."""
         best: dict[str, float] = {}
-        for k in range(len(self.evidence.trials), len(self.gains)):
-            gain = self.gains[k] * min(1.0, self.error / self.unexplained)
-            if gain > LEAST_GAIN and self.p[k] < SIGNIFICANT:
-                signal = self.evidence.dependence(k).signal
+        gains, p = self._general
+        for dependence, share, chance in zip(self.generic, gains, p, strict=True):
+            gain = share * min(1.0, self.error / self.unexplained)
+            if gain > LEAST_GAIN and chance < SIGNIFICANT:
+                signal = dependence.signal
                 best[signal] = max(best.get(signal, 0.0), float(gain))
         return sorted(best.items(), key=lambda item: -item[1])
+
+    @cached_property
+    def _general(self) -> tuple[np.ndarray, np.ndarray]:
+        """Gain and p value of every dependence; made only where somebody asks."""
+        with np.errstate(all="ignore"):
+            evidence = Evidence.of(self.parts, list(self.simulations), [], self.generic)
+        gains = np.array([evidence.gain(k) for k in range(len(self.generic))])
+        return gains, evidence.p_values()[0]
 
     def outside(self, best: Candidate | None) -> bool:
         """Tell whether a generic dependence explains the logs far better than the best effect."""

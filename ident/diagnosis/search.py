@@ -60,11 +60,6 @@ class Search:
         seed = self.seeds[min(len(self.steps), len(self.seeds) - 1)]
         return Round.of(self.parts, simulations, self.generic, seed, origin, self.first.error)
 
-    def aside(self, simulations: tuple[Linearised, ...]) -> Round:
-        """A round that only chooses between effects."""
-        seed, origin = self.seeds[-1], self.last.origin
-        return Round.of(self.parts, simulations, [], seed, origin, self.first.error)
-
     def add(self, group: list[Candidate], p: float, background: bool = False) -> None:
         """Add the best of a group."""
         best = group[0]
@@ -109,7 +104,7 @@ class Search:
         given = candidate(self.parts, self.last.evidence, pair[0])
         if given is None:
             return group
-        beside = self.aside(given.simulations)
+        beside = self.after(given.simulations, self.last.origin)
         shown = beside.choose()
         if not shown:
             return group
@@ -131,7 +126,7 @@ class Search:
                 continue
             self.tell(f"comparing rivals of {step.best.identifier} again")
             rest = without(with_steps(self.base.model, self.steps), step.best.identifier)
-            now = self.aside(self.fits.of(rest)[1])
+            now = self.after(self.fits.of(rest)[1], self.last.origin)
             group = now.choose()
             if group:
                 names, p = tuple(c.identifier for c in group), float(now.p[group[0].number])

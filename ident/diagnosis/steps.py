@@ -101,7 +101,7 @@ def chain_of(fits: Refits, base: OutputError, steps: list[Step]) -> list[tuple[s
         model = with_steps(base.model, steps)
         for later in steps[count:]:
             model = without(model, later.best.identifier)
-        chain.append((steps[count - 1].best.identifier, fits.of(model)[0].model))
+        chain.append((steps[count - 1].best.identifier, fits.with_intervals(model)))
     return chain
 
 

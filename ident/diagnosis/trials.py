@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import null_space
@@ -48,14 +48,21 @@ class Trial:
             sizes = self.units  # a limit is no size: its trace grows as it falls
         return dict(zip(self.names, sizes.tolist(), strict=True))
 
-    def start(self, coefficients: np.ndarray) -> Model:
-        """The model with the effect at the sizes found, moved into their bounds."""
+    def start(self, coefficients: np.ndarray, base_values: np.ndarray) -> Model:
+        """The model with the effect at the sizes found, moved into their bounds.
+
+        Args:
+            coefficients: (k,) of the mixed columns.
+            base_values: (P,) of the model without the effect.
+        """
         found = self.pairs[0][1].effects[-1].values | self.values(coefficients)
         for name, value in found.items():
             low, high = self.effect.parameter_of(name).bounds
             found[name] = float(np.clip(value, low, high))
         base = self.pairs[0][0]
-        kept = {a.identifier: a.values for a in base.effects if a.identifier != self.identifier}
+        rest = tuple(a for a in base.effects if a.identifier != self.identifier)
+        base = replace(base, effects=rest).with_values(base_values)
+        kept = {a.identifier: a.values for a in base.effects}
         return base.with_effects({**kept, self.identifier: found})
 
     def possible(self, coefficients: np.ndarray, slack: float) -> bool:

@@ -11,7 +11,8 @@ class TorqueSaturation(Effect):
     equation = r"M_i = \operatorname{sat}(M_i^{\text{log}}, M_{\max})"
     link = "drive"
     parameters = (Parameter("limit", "N m", "largest torque", 3.0, (0.05, 50.0), linear=False,
-                            profile=(0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9), profile_unit="peak"),)  # fmt: skip
+                            profile=tuple(k / 10 for k in range(3, 10)),
+                            profile_unit="peak"),)  # fmt: skip
     regime = "large torques"
     confusables = ("battery_sag",)
     experiments = ("fast reversals",)

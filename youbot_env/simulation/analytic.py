@@ -38,10 +38,16 @@ def fastest_rate(model: Model) -> float:
     return max([rate, *lags])
 
 
-def choose_substeps(model: Model, dt: float) -> int:
-    """Runge-Kutta steps that one sample of dt needs to stay accurate for this model."""
+def choose_substeps(model: Model, dt: float, fraction: float = STEP_FRACTION) -> int:
+    """Runge-Kutta steps that one sample of dt needs to stay accurate for this model.
+
+    Args:
+        model: the model.
+        dt: sample time, s.
+        fraction: largest step in units of the fastest time constant; Runge-Kutta is stable to 2.7.
+    """
     # The small number keeps the rounding of sample times from adding a step.
-    return max(1, math.ceil(dt * fastest_rate(model) / STEP_FRACTION - 1e-6))
+    return max(1, math.ceil(dt * fastest_rate(model) / fraction - 1e-6))
 
 
 def history_length(structure: Structure, longest_delay: float, dt: float) -> int:
