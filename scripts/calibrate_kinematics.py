@@ -10,7 +10,7 @@ from typing import Annotated
 
 import console
 import typer
-from identify import FIT, TEST, parse_mapping, read_log, refuse_double, section
+from given_logs import FIT, TEST, parse_mapping, read_log, refuse_double
 
 from ident.kinematics import Drift, KinematicCalibration, calibrate_kinematics
 from youbot_env.model_file import load_model, save_model
@@ -101,8 +101,8 @@ def tell(result: KinematicCalibration, out: Path | None) -> None:
             found = [(words, *drift_row(d)) for words, d in drifts.items() if d is not None]
             console.table(f"Drift on {record}: in windows, then at the end", heads, found)
             console.out.print()
-    section("Undetermined by this log", list(result.undetermined))
-    section("Remarks", list(result.remarks))
+    console.section("Undetermined by this log", list(result.undetermined))
+    console.section("Remarks", list(result.remarks))
     if out is not None:
         text = "its masses and frictions belong to the old radius, identify them again with it"
         console.out.print(f"model: {console.shown(out)}; {text}", soft_wrap=True)

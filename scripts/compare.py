@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 import console
+import given_effects
 import numpy as np
 import typer
-from identify import in_words, parse_mapping, read_log, section
+from given_logs import parse_mapping, read_log
 
 from ident.comparison import Standing, compare, rank
 from ident.report.compare import comparison_page
@@ -64,7 +65,7 @@ def main(
     gear: Annotated[
         float | None, typer.Option(help="Motor turns per wheel turn, where the log holds currents.")
     ] = None,
-    effects: console.EffectsFile = None,
+    effects: given_effects.EffectsFile = None,
     seed: console.Seed = 0,
 ) -> None:
     """Compare models with a measured log: errors, where they gather, and when they are worst.
@@ -72,7 +73,7 @@ def main(
     Free run: velocities simulated from the measured drive input alone, in windows.  Equation: what
     the filtered equations of motion leave of the measured forces.
     """
-    console.load_effects(effects)
+    given_effects.load_effects(effects)
     console.check_writable(json_file, None if report is None else report / "index.html")
     models = read_models(model or DEFAULT)
     record = read_log(log or LOG, models[0].platform, parse_mapping(mapping), kt, gear)
@@ -82,7 +83,7 @@ def main(
         history = console.provenance(seed, {record.source: record.digest})
         # Where every simulation runs away there is nothing to draw.
         drawable = report is not None and bool(np.isfinite(standings[0].comparison.run.nrmse))
-        page = comparison_page(standings, in_words(history)) if drawable else None
+        page = comparison_page(standings, console.in_words(history)) if drawable else None
         show(steps)
     result = {
         "log": record.name,
@@ -135,7 +136,7 @@ def tell(standings: list[Standing], page: Path | None) -> None:
     best = standings[0].comparison
     console.out.print(verdict(standings), style="bold", soft_wrap=True)
     console.out.print(failing(best), soft_wrap=True)
-    section("Note", [note(best.log)] if note(best.log) else [])
+    console.section("Note", [note(best.log)] if note(best.log) else [])
     console.out.print()
     rows = free_run_rows(standings)
     window = best.worst[0].end - best.worst[0].start

@@ -12,6 +12,7 @@ import os
 import shlex
 import subprocess
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -26,11 +27,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from youbot_env.effects import get_effect
-from youbot_env.effects_file import load_effects_file
 from youbot_env.model_file import write_atomically
 
 ROOT = Path(__file__).resolve().parent.parent
+INDENT = {"initial_indent": "  - ", "subsequent_indent": "    "}
 VERSIONED = ("numpy", "scipy", "casadi", "gymnasium", "mujoco", "torch", "stable_baselines3")
 # What bad input raises; ModelFileError, LogError and ImpossibleParameters are ValueErrors.
 BAD_INPUT = (ValueError, OSError, FloatingPointError, ImportError)
@@ -39,25 +39,6 @@ Json = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Write the results for programs.")
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Of everything random; equal seeds, equal results.")]
-Effects = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--effect",
-        metavar="NAME[.PARAMETER][=VALUE]",
-        help="Add a physical effect of docs/effects.md, of typical size where no value is given; "
-        "may be repeated.",
-    ),
-]
-
-EffectsFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--effects",
-        metavar="FILE.py",
-        help="Python file with effects of your own (docs/add_an_effect.md).",
-    ),
-]
-
 out = Console(highlight=False, markup=False, emoji=False)
 err = Console(stderr=True, highlight=False, markup=False, emoji=False)
 
@@ -116,50 +97,6 @@ def spread(words: Iterable[str], several: tuple[str, ...]) -> list[str]:
             waiting = False
         result.append(word)
     return result
-
-
-def parse_effects(arguments: Iterable[str] | None) -> dict[str, dict[str, float] | None]:
-    """Turn ``NAME``, ``NAME=VALUE`` and ``NAME.PARAMETER=VALUE`` into what ``with_effects`` takes.
-
-    Raises:
-        ValueError: an unknown effect, a value that is not a number, or something given twice.
-    """
-    effects: dict[str, dict[str, float] | None] = {}
-    for argument in arguments or ():
-        place, given, text = argument.partition("=")
-        name, dot, parameter = place.strip().partition(".")
-        first = get_effect(name).parameters[0].name
-        if not given:
-            if dot:
-                raise ValueError(f"--effect {argument}: give a value, {argument}=VALUE")
-            if name in effects:
-                raise ValueError(f"--effect {argument}: {name} is given twice; leave one out")
-            effects[name] = None
-            continue
-        try:
-            value = float(text)
-        except ValueError:
-            raise ValueError(
-                f"--effect {argument}: {text!r} is not a number; write {place}=VALUE, with a "
-                "decimal point"
-            ) from None
-        values, parameter = effects.setdefault(name, {}), parameter if dot else first
-        if values is None or parameter in values:
-            raise ValueError(f"--effect {argument}: {name} is given twice; leave one out")
-        values[parameter] = value
-    return effects
-
-
-def load_effects(path: Path | None) -> tuple[str, ...]:
-    """Make the effects of a file known, if one is given; call it before models are read.
-
-    Raises:
-        ValueError: what is wrong with the file.
-    """
-    try:
-        return () if path is None else load_effects_file(path)
-    except ValueError as error:
-        raise ValueError(f"--effects {shown(path)}: {error}") from error
 
 
 def check_writable(*paths: Path | None) -> None:
@@ -244,6 +181,26 @@ def progress(title: str, total: float, unit: str = "") -> Iterator[Callable[[flo
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
         task = bar.add_task(title, total=total)
         yield lambda done: bar.update(task, completed=done)
+
+
+def section(title: str, sentences: list[str]) -> None:
+    """Print sentences under a title, or nothing when there are none."""
+    if sentences:
+        out.print(f"\n{title}")
+        for sentence in sentences:
+            width = out.width - 1
+            out.print(textwrap.fill(sentence, width, **INDENT), soft_wrap=True)
+
+
+def in_words(history: dict) -> dict[str, str]:
+    """Provenance as name and text."""
+    lines = {
+        name.replace("_", " "): ", ".join(f"{k} {v}" for k, v in value.items())
+        if isinstance(value, dict)
+        else str(value)
+        for name, value in history.items()
+    }
+    return {name: text for name, text in lines.items() if text and text != "None"}
 
 
 def _script() -> str:

@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Annotated
 
 import console
+import given_effects
 import typer
-from identify import in_words
+from given_logs import FIT, TEST, read_log, refuse_double
 
 from ident.diagnosis.verdict import Diagnosis, diagnose
-from ident.log import Log
 from youbot_env.model_file import load_model
 
-LOGS = console.ROOT / "logs"
 SHOWN = 8
 
 
@@ -32,40 +31,31 @@ def main(
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
-    effects: console.EffectsFile = None,
+    effects: given_effects.EffectsFile = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
 ) -> None:
     """Name the physical effect that a model is missing, or say that none is or one cannot say."""
     console.check_writable(json_file, None if report is None else report / "index.html")
     if not logs:
-        logs, test = [LOGS / "youbot_fit.csv"], test or LOGS / "youbot_test.csv"
-    console.load_effects(effects)
+        logs, test = [FIT], test or TEST
+    given_effects.load_effects(effects)
     start = load_model(model)
     paths = [*logs, *([test] if test else [])]
-    for path in paths:
-        if not path.exists():
-            raise ValueError(f"no log {console.shown(path)!r}; check the name")
-    records = [Log.load(path, start.platform) for path in paths]
-    digests = [record.digest for record in records]
-    for number, digest in enumerate(digests):
-        if digest in digests[:number]:
-            raise ValueError(
-                f"{paths[number]} is the same record as {paths[digests.index(digest)]}; "
-                "leave it out"
-            )
+    records = [read_log(path, start.platform, {}, None, None) for path in paths]
+    refuse_double(records)
+    used = {log.source: log.digest for log in records}
     held = records.pop() if test else None
     with console.err.status("reading") as status:
         found = diagnose(records, start, held, seed, lambda what: status.update(what))
     show(found)
-    used = {path.name: digest for path, digest in zip(paths, digests, strict=True)}
     history = console.provenance(seed, used)
     console.write_json(json_file, found.as_dict() | {"provenance": history})
     if report is not None:
         from ident.report.diagnose import diagnosis_page
 
         everything = (*records, *([held] if held else []))
-        page = diagnosis_page(found, in_words(history), everything)
+        page = diagnosis_page(found, console.in_words(history), everything)
         console.out.print(f"\npage: {console.shown(page.write(report))}", soft_wrap=True)
 
 

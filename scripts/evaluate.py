@@ -9,9 +9,9 @@ from typing import Annotated, Any
 
 import console
 import evaluate_robots
+import given_effects
 import typer
 from evaluate_tables import error_rows, gap_rows, tell
-from identify import in_words
 
 from controllers import controller_names, find, make
 from controllers.evaluation import solver_check, tornado
@@ -44,7 +44,7 @@ def evaluate(
         list[str] | None,
         typer.Option(help="analytic, rollers; both if left."),
     ] = None,
-    effect: console.Effects = None,
+    effect: given_effects.Effects = None,
     robots: Annotated[int, typer.Option(min=1, help="Robots on the analytic plant.")] = 5,
     roller_robots: Annotated[int, typer.Option(min=1, help="Robots with real rollers.")] = 3,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
@@ -74,7 +74,7 @@ def evaluate(
     page_file = None if report is None else report / "index.html"
     console.check_writable(json_file, page_file)
     blocks, skipped = chosen(controller, reference, frequency, plant)
-    hidden = sizes(console.parse_effects(effect)) if effect else HIDDEN
+    hidden = sizes(given_effects.parse_effects(effect)) if effect else HIDDEN
     counts = {"analytic": robots, "rollers": roller_robots}
     plants = list(dict.fromkeys(block.plant for block in blocks))
     workers = jobs or os.cpu_count() or 1
@@ -97,7 +97,7 @@ def evaluate(
         from evaluate_page import evaluation_page
 
         with console.progress("page", 1) as show:
-            words = in_words(history)
+            words = console.in_words(history)
             page, films = evaluation_page(results, checked, costs, solver, subjects, used, words)
             for name, film in films.items():
                 write_atomically(report / name, film)

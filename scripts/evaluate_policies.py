@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import console
+import given_effects
 import typer
 
 from controllers import make
@@ -36,7 +37,7 @@ def evaluate(
         str | None,
         typer.Option(help="The hidden robot; the one that drove the bundled logs if left."),
     ] = None,
-    effect: console.Effects = None,
+    effect: given_effects.Effects = None,
     seeds: Annotated[int, typer.Option(min=2, help="Unseen seeds of each motion.")] = 100,
     seconds: Annotated[float, typer.Option(min=3, max=100, help="Length of a run, s.")] = 10.0,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
@@ -61,7 +62,7 @@ def evaluate(
     if len(set(labels)) < len(labels):
         raise ValueError(f"policies {labels} share a name; rename one")
     policies = {label: Policy.load(name) for label, name in zip(labels, names, strict=True)}
-    hidden = load_model(robot or TRUTH).with_effects(console.parse_effects(effect))
+    hidden = load_model(robot or TRUTH).with_effects(given_effects.parse_effects(effect))
 
     trial = Trial(robots=seeds, seconds=seconds, noise=noise, seed=seed)
     exams: dict[str, list[Mark]] = {}

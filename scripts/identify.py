@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
 import console
+import given_effects
 import numpy as np
 import typer
+from given_logs import FIT, TEST, parse_mapping, read_log, refuse_double
 
 from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
 from ident.identification import identify
-from ident.log import Log
 from ident.quantities import UNSEEN
 from ident.report.identify import identification_page
 from ident.report.outcome import (
@@ -29,11 +29,6 @@ from ident.report.outcome import (
 from youbot_env.envs.randomization import Posterior
 from youbot_env.model import Model
 from youbot_env.model_file import load_model, save_model, write_atomically
-from youbot_env.platform import Platform
-
-LOGS = console.ROOT / "logs"
-INDENT = {"initial_indent": "  - ", "subsequent_indent": "    "}
-FIT, TEST = LOGS / "youbot_fit.csv", LOGS / "youbot_test.csv"
 
 
 def main(
@@ -51,7 +46,7 @@ def main(
             help="Estimate an effect of docs/effects.md too, from VALUE on; may be repeated.",
         ),
     ] = None,
-    effects: console.EffectsFile = None,
+    effects: given_effects.EffectsFile = None,
     test: Annotated[
         Path | None, typer.Option(metavar="LOG", help="Log to judge by, kept out of the fit.")
     ] = None,
@@ -109,9 +104,9 @@ def main(
     console.check_writable(out, json_file, page_file, draws_file)
     if not logs:
         logs, test = [FIT], test or TEST
-    console.load_effects(effects)
+    given_effects.load_effects(effects)
     before = load_model(model)
-    added = console.parse_effects(add)
+    added = given_effects.parse_effects(add)
     columns = parse_mapping(mapping)
     table = before.platform if platform is None else load_model(platform).platform
     with console.progress("identifying", 4, "steps") as show:
@@ -133,7 +128,7 @@ def main(
         history |= {"method": result.method, "start": before.name}
         if untouched is not None:
             history["test_log"] = {untouched.source: untouched.digest}
-        page = None if report is None else identification_page(outcome, in_words(history))
+        page = None if report is None else identification_page(outcome, console.in_words(history))
         show(4)
     usable = not outcome.problems
     if usable:
@@ -180,54 +175,6 @@ def write_posterior(model: Model, count: int, seed: int, path: Path) -> None:
     console.out.print(f"posterior: {console.shown(path)}, {count} robots")
 
 
-def read_log(
-    path: Path, platform: Platform, mapping: dict[str, str], kt: float | None, gear: float | None
-) -> Log:
-    """Read a log; a log that is not there is told with what to do."""
-    if not path.exists():
-        raise ValueError(
-            f"no log {console.shown(path)!r}; check the name, or record one with "
-            "python scripts/record.py"
-        )
-    return Log.load(path, platform, mapping or None, kt, gear)
-
-
-def parse_mapping(arguments: list[str] | None) -> dict[str, str]:
-    """Turn ``NAME=COLUMN`` arguments into a mapping of log names to columns."""
-    mapping: dict[str, str] = {}
-    for argument in arguments or ():
-        name, given, column = (part.strip() for part in argument.partition("="))
-        if not (name and given and column):
-            raise ValueError(f"--map {argument}: write NAME=COLUMN, as in --map time=stamp")
-        if name in mapping:
-            raise ValueError(f"--map {argument}: {name} is given twice; leave one out")
-        mapping[name] = column
-    return mapping
-
-
-def refuse_double(logs: list[Log]) -> None:
-    """Refuse a log that is given twice: it would count double, or judge what it has taught."""
-    seen: dict[str, str] = {}
-    for log in logs:
-        if log.digest in seen:
-            raise ValueError(
-                f"logs {seen[log.digest]} and {log.source} are the same record; leave one out, and "
-                "judge by one that is not fitted"
-            )
-        seen[log.digest] = log.source
-
-
-def in_words(history: dict) -> dict[str, str]:
-    """Provenance as name and text."""
-    lines = {
-        name.replace("_", " "): ", ".join(f"{k} {v}" for k, v in value.items())
-        if isinstance(value, dict)
-        else str(value)
-        for name, value in history.items()
-    }
-    return {name: text for name, text in lines.items() if text and text != "None"}
-
-
 def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     """Say what was found: the verdict, then what it rests on."""
     result = outcome.result
@@ -242,7 +189,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     if result.effects:
         console.out.print()
         console.table("Effects", heads, [row[:5] for row in effect_rows(outcome)])
-    section("Doubts", [f"({k}) {doubt}" for k, doubt in enumerate(result.doubts, 1)])
+    console.section("Doubts", [f"({k}) {doubt}" for k, doubt in enumerate(result.doubts, 1)])
     console.out.print()
     console.table("Known better than the single inertias", heads, lump_rows(outcome))
     console.out.print()
@@ -258,26 +205,17 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     if math.isfinite(seen.condition):
         words += f", condition number {seen.condition:.3g}"
     console.out.print(words)
-    section("Undetermined by these logs", seen.words)
-    section("Invisible to logs of this kind", result.invisible)
+    console.section("Undetermined by these logs", seen.words)
+    console.section("Invisible to logs of this kind", result.invisible)
     logs = [*result.logs, *([] if result.test is None else [result.test])]
-    section("Log doctor", [f"{log.name}: {f}" for log in logs for f in log.findings])
+    console.section("Log doctor", [f"{log.name}: {f}" for log in logs for f in log.findings])
     if not outcome.untouched:
-        section("Advice", ["give a log that is not fitted with --test to judge by"])
+        console.section("Advice", ["give a log that is not fitted with --test to judge by"])
     console.out.print()
     if model is not None:
         console.out.print(f"model: {model}", soft_wrap=True)
     hint = "add --report DIR for the page with the figures" if page is None else f"page: {page}"
     console.out.print(hint, soft_wrap=True)
-
-
-def section(title: str, sentences: list[str]) -> None:
-    """Print sentences under a title, or nothing when there are none."""
-    if sentences:
-        console.out.print(f"\n{title}")
-        for sentence in sentences:
-            width = console.out.width - 1
-            console.out.print(textwrap.fill(sentence, width, **INDENT), soft_wrap=True)
 
 
 if __name__ == "__main__":

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 import console
+import given_effects
 import numpy as np
 import typer
-from identify import in_words, read_log, refuse_double, section
+from given_logs import FIT, TEST, read_log, refuse_double
 
 from controllers import make
 from controllers.evaluation.motions import Motion
@@ -28,7 +29,6 @@ from ident.report.improve import (
 )
 from youbot_env.model_file import load_model, save_model
 
-FIT, TEST = console.ROOT / "logs" / "youbot_fit.csv", console.ROOT / "logs" / "youbot_test.csv"
 # What the controllers are tried on: a figure of eight beyond the 0.5 rad/s of the paper.
 TRIED = Motion("eight", 1.0, 0.3, 6.0)
 BAR = 20  # cells
@@ -80,12 +80,12 @@ def main(
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
-    effects: console.EffectsFile = None,
+    effects: given_effects.EffectsFile = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
 ) -> None:
     """Add what a model is missing until nothing is, and write the final model."""
-    console.load_effects(effects)
+    given_effects.load_effects(effects)
     console.check_writable(out, json_file, None if report is None else report / "index.html")
     if not logs:
         logs, test = [FIT], test or TEST
@@ -107,7 +107,7 @@ def main(
         page = None
         if report is not None:
             everything = (*records, *([held] if held else []))
-            page = improvement_page(done, gains, in_words(history), everything)
+            page = improvement_page(done, gains, console.in_words(history), everything)
     if usable:
         made = {"method": "diagnosis and free-run refinement", "start": start.name}
         save_model(replace(done.model, provenance=history | made), out)
@@ -191,14 +191,14 @@ def tell(done: Improvement, gains: list[str], out: Path | None, page: Path | Non
         if sizes:
             console.out.print()
             console.table("Effects in the final model", ("", "value", "unit"), sizes)
-    section("Effects that these logs do not tell apart", [
+    console.section("Effects that these logs do not tell apart", [
         " or ".join(step.group) for step in found.named if len(step.group) > 1
     ])  # fmt: skip
-    section("What the rest depends on", [f"{s}, {100 * g:.0f} % of the squared error"
+    console.section("What the rest depends on", [f"{s}, {100 * g:.0f} % of the squared error"
             for s, g in found.depends_on])  # fmt: skip
     if found.experiment is not None:
-        section("What to record next", [found.experiment.command])
-    section("What the controllers gain", gains)
+        console.section("What to record next", [found.experiment.command])
+    console.section("What the controllers gain", gains)
     console.out.print()
     if out is not None:
         console.out.print(f"model: {out}", soft_wrap=True)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated
 
 import console
+import given_effects
 import numpy as np
 import typer
 
@@ -35,8 +36,8 @@ def record(
         str, typer.Option(help="analytic (the equations) or rollers (MuJoCo, real rollers).")
     ] = "analytic",
     model: Annotated[str, typer.Option(help="True robot: model file, nominal or paper.")] = "paper",
-    effect: console.Effects = None,
-    effects: console.EffectsFile = None,
+    effect: given_effects.Effects = None,
+    effects: given_effects.EffectsFile = None,
     motion: Annotated[str, typer.Option(help=f"One of {', '.join(REFERENCES)}.")] = "calibration",
     speed: Annotated[
         float | None, typer.Option(help="Peak speed of the centre, m/s; the motion's own if left.")
@@ -70,9 +71,9 @@ def record(
     console.check_writable(log, truth, json_file)
     if log.suffix.lower() != ".csv":
         raise ValueError(f"--out {log}: logs are written as CSV; end the name in .csv")
-    console.load_effects(effects)
+    given_effects.load_effects(effects)
     robot = load_model(model)
-    robot = robot.with_effects(console.parse_effects(effect), name=log.stem)
+    robot = robot.with_effects(given_effects.parse_effects(effect), name=log.stem)
     sensors, loop = Sensors() if noise else None, WheelLoop()
     driven = make_plant(plant, robot, 1 / rate, floor_friction)
     reference = choose_motion(motion, robot, seconds, speed, frequency)

@@ -255,15 +255,17 @@ def test_script_runs_from_anywhere_as_a_process(tmp_path):
     assert (tmp_path / "runs" / "log.csv").is_file()
 
 
-def test_console_effects(console):
+def test_effects_that_are_given(console):
+    from given_effects import parse_effects
+
     given = ["floor_slope", "torque_gain.e_fl=0.1", "torque_gain.e_rr=-.2", "actuator_delay=1e-2"]
-    assert console.parse_effects(given) == {
+    assert parse_effects(given) == {
         "floor_slope": None,
         "torque_gain": {"e_fl": 0.1, "e_rr": -0.2},
         "actuator_delay": {"d": 0.01},
     }
-    assert console.parse_effects(None) == {}
-    both = console.parse_effects(["wheel_coulomb_friction=0.1", "wheel_coulomb_friction.fc_fl=0.3"])
+    assert parse_effects(None) == {}
+    both = parse_effects(["wheel_coulomb_friction=0.1", "wheel_coulomb_friction.fc_fl=0.3"])
     values = load_model("paper").with_effects(both).effects[0].values
     assert values == {"fc_fl": 0.3, "fc_fr": 0.1, "fc_rl": 0.1, "fc_rr": 0.1}
 
