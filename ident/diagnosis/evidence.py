@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
 
 from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.parts import FIT, SELECT, Part
 from ident.diagnosis.reduced import Reduced
-from ident.diagnosis.rows import averaged, score, stretches, whitened
+from ident.diagnosis.rows import averaged, score, stretches
+from ident.diagnosis.significance import wild_p_values
 from ident.diagnosis.trials import Trial
 from ident.output_error import free_directions
 from ident.sensitivity import Linearised
@@ -28,9 +28,6 @@ from youbot_env.model import Model
 BLOCKS = 4
 # Shrinks the coefficients of dependences, which have many.
 RIDGE = 1e-3
-DRAWS = 999
-# Stretches that a test needs for each coefficient; with fewer its law is no longer Fisher's.
-CLUSTERS_EACH = 3
 # Coefficients of laws that are not linear, in units of the size that the trace was made for.
 NEAR = (0.6, 1.6)
 
@@ -273,41 +270,7 @@ class Evidence:
         return float(along @ inner @ along) / self._fitted.before
 
     def p_values(self, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """P values of everything tried, by effect and adjusted for all effects.
-
-        Wild cluster bootstrap of the scores: signs of whole stretches are drawn anew, and the
-        smallest p value that all forms of an effect reach in a draw is compared with that of each
-        form.  It covers errors that are correlated within stretches, the forms, and profiles of
-        parameters that only exist with the effect.  Over effects the rate of false discoveries is
-        controlled (Benjamini-Hochberg): where nothing is hidden that is the rate of any false name.
-        """
-        rng = np.random.default_rng(seed)
-        count = len(self.scores)
-        signs = rng.choice([-1.0, 1.0], (DRAWS, count))
-        single, drawn = np.ones(len(self.columns)), np.ones((len(self.columns), DRAWS))
-        for trial in range(len(self.columns)):
-            scores = self.scores[:, self.columns[trial] - self.base]
-            turn = whitened(scores)
-            freedom = turn.shape[1]
-            if freedom == 0 or count < CLUSTERS_EACH * freedom:
-                continue
-            white = scores @ turn
-            both = np.concatenate([white.sum(axis=0)[None], signs @ white])
-            squared = np.minimum((both**2).sum(axis=1), count * (1 - 1e-12))
-            ratio = (count - freedom) / freedom * squared / (count - squared)
-            p = stats.f.sf(ratio, freedom, count - freedom)
-            single[trial], drawn[trial] = p[0], p[1:]
-        families = np.array([t.identifier for t in self.trials] + [""] * len(self.dependences))
-        within, best = np.ones(len(single)), {}
-        for family in np.unique(families):
-            mine = families == family
-            rank = np.count_nonzero(drawn[mine].min(axis=0)[None] <= single[mine, None], axis=1)
-            within[mine] = np.maximum(single[mine], (1 + rank) / (1 + DRAWS))
-            best[family] = within[mine].min()
-        effects = [family for family in best if family]
-        adjusted = within.copy()
-        for k, family in enumerate(families):
-            if family:
-                rivals = [within[k] if other == family else best[other] for other in effects]
-                adjusted[k] = stats.false_discovery_control(rivals)[effects.index(family)]
-        return within, adjusted
+        """P values of everything tried, by effect and adjusted for all effects."""
+        families = [t.identifier for t in self.trials] + [""] * len(self.dependences)
+        scores = [self.scores[:, columns - self.base] for columns in self.columns]
+        return wild_p_values(scores, np.array(families), seed)

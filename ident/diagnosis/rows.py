@@ -41,10 +41,3 @@ def averaged(sim: Linearised, rows: np.ndarray) -> np.ndarray:
     # A mean over k samples of white noise has k times less variance: each row stands for k.
     rows = rows.mean(axis=2) * np.sqrt(together)
     return np.nan_to_num(rows)
-
-
-def whitened(scores: np.ndarray) -> np.ndarray:
-    """(k, r) combinations of scores with unit scatter, leaving out those without any."""
-    strength, turn = np.linalg.eigh(scores.T @ scores)
-    strong = strength > 1e-9 * max(strength[-1], 1e-300)
-    return turn[:, strong] / np.sqrt(strength[strong])

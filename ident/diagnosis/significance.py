@@ -1,0 +1,66 @@
+"""Chances that what explains an error does so by accident."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+DRAWS = 999
+# Stretches that a test needs for each coefficient; with fewer its law is no longer Fisher's.
+CLUSTERS_EACH = 3
+
+
+def wild_p_values(
+    scores: list[np.ndarray], families: np.ndarray, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """P values of everything tried, by family and adjusted for all families with a name.
+
+    Wild cluster bootstrap of the scores: signs of whole stretches are drawn anew, and the smallest
+    p value that all forms of an effect reach in a draw is compared with that of each form.  It
+    covers errors that are correlated within stretches, the forms, and profiles of parameters that
+    only exist with the effect.  Over effects the rate of false discoveries is controlled
+    (Benjamini-Hochberg): where nothing is hidden that is the rate of any false name.
+
+    Args:
+        scores: (stretches, k) inner products of columns and errors, of each thing tried.
+        families: effect that each belongs to; what has no name is one family of its own.
+        seed: of the draws.
+
+    Returns:
+        Within families, and adjusted.
+    """
+    rng = np.random.default_rng(seed)
+    count = len(scores[0]) if scores else 0
+    signs = rng.choice([-1.0, 1.0], (DRAWS, count))
+    single, drawn = np.ones(len(scores)), np.ones((len(scores), DRAWS))
+    for trial, mine in enumerate(scores):
+        turn = _whitened(mine)
+        freedom = turn.shape[1]
+        if freedom == 0 or count < CLUSTERS_EACH * freedom:
+            continue
+        white = mine @ turn
+        both = np.concatenate([white.sum(axis=0)[None], signs @ white])
+        squared = np.minimum((both**2).sum(axis=1), count * (1 - 1e-12))
+        ratio = (count - freedom) / freedom * squared / (count - squared)
+        p = stats.f.sf(ratio, freedom, count - freedom)
+        single[trial], drawn[trial] = p[0], p[1:]
+    within, best = np.ones(len(single)), {}
+    for family in np.unique(families):
+        mine = families == family
+        rank = np.count_nonzero(drawn[mine].min(axis=0)[None] <= single[mine, None], axis=1)
+        within[mine] = np.maximum(single[mine], (1 + rank) / (1 + DRAWS))
+        best[family] = within[mine].min()
+    effects = [family for family in best if family]
+    adjusted = within.copy()
+    for k, family in enumerate(families):
+        if family:
+            rivals = [within[k] if other == family else best[other] for other in effects]
+            adjusted[k] = stats.false_discovery_control(rivals)[effects.index(family)]
+    return within, adjusted
+
+
+def _whitened(scores: np.ndarray) -> np.ndarray:
+    """(k, r) combinations of scores with unit scatter, leaving out those without any."""
+    strength, turn = np.linalg.eigh(scores.T @ scores)
+    strong = strength > 1e-9 * max(strength[-1], 1e-300)
+    return turn[:, strong] / np.sqrt(strength[strong])
