@@ -26,6 +26,9 @@ from youbot_env.simulation.analytic import STEP_FRACTION, choose_substeps, histo
 WINDOW = 5.0
 # What a record begins with is left out: what the drive was told before it still acts, s.
 LEAD = 0.1
+# Runge-Kutta steps a sample, beyond which no robot is that stiff: values that a search tries and
+# leaves again.
+MOST_SUBSTEPS = 40
 # Long enough for lags and bristles to follow what is held, s.
 RELAXED = 10.0
 
@@ -109,7 +112,7 @@ def cut_windows(
     """
     structure = Structure.of(model)
     dt = log.dt
-    substeps = choose_substeps(model, dt, fraction)
+    substeps = min(choose_substeps(model, dt, fraction), MOST_SUBSTEPS)
     delay = structure.bind(model.values()).delay()
     history = history_length(structure, delay, dt)
     length = max(1, round(window / dt))

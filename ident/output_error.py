@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import null_space
@@ -29,6 +30,8 @@ SETTLE = 0.5
 WEAK = 1e-6
 # A step must lower the sum of squares by this share to be worth another.
 TOLERANCE = 1e-6
+# Levenberg and Marquardt, in columns of unit length: tried one after the other until one helps.
+DAMPING = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0)
 # A simulation that runs away counts as this many spreads.
 LIMIT = 1e3
 # Draws of the drift of the wheel angles.
@@ -85,17 +88,17 @@ def refine(
         The refined model with its covariance.  Contrast parameters keep their mean.
     """
     directions = free_directions(model, free)
-    low, high = _bounds(model)
+    low, high = value_bounds(model)
     now = _Fit.at(
         logs, model.with_values(np.clip(model.values(), low, high)), window, keep, weights
     )
     first, converged = now.cost, False
     for _ in range(iterations):
         values = np.array(now.model.values())
-        step = now.step(values, directions, low, high)
         better = None
-        for share in (1.0, 0.5, 0.2, 0.05):
-            other = model.with_values(np.clip(values + share * step, low, high))
+        for damping in DAMPING:
+            step = now.step(values, directions, low, high, damping)
+            other = model.with_values(np.clip(values + step, low, high))
             trial = _Fit.at(logs, other, window, keep, weights)
             if trial.cost < now.cost:
                 better = trial
@@ -141,6 +144,15 @@ class _Fit:
     def cost(self) -> float:
         return 0.5 * float(self.error @ self.error)
 
+    @cached_property
+    def _made(self) -> dict[tuple, np.ndarray]:
+        return {}
+
+    def _columns_of(self, chosen: tuple) -> np.ndarray:
+        if chosen not in self._made:
+            self._made[chosen] = self.columns(np.array(chosen))
+        return self._made[chosen]
+
     def columns(self, chosen: np.ndarray) -> np.ndarray:
         parts = []
         for sim, kept, weight in zip(self.simulations, self.keep, self.weights, strict=True):
@@ -148,13 +160,13 @@ class _Fit:
             parts.append(np.nan_to_num(columns.reshape(-1, columns.shape[-1])))
         return np.concatenate(parts)
 
-    def step(self, values, directions, low, high) -> np.ndarray:
-        """Gauss-Newton step (P,); values at a bound do not push against it."""
+    def step(self, values, directions, low, high, damping: float) -> np.ndarray:
+        """Damped Gauss-Newton step (P,); values at a bound do not push against it."""
         moving = np.any(directions != 0, axis=1)
-        columns, held = self.columns(moving), np.zeros(len(values), bool)
+        columns, held = self._columns_of(tuple(moving)), np.zeros(len(values), bool)
         for _ in range(3):
             basis = directions[:, ~np.any(directions[held] != 0, axis=0)]
-            step = basis @ _least_squares(columns @ basis[moving], self.error)
+            step = basis @ _least_squares(columns @ basis[moving], self.error, damping)
             out = ((values <= low) & (step < 0)) | ((values >= high) & (step > 0))
             if not np.any(out & ~held):
                 break
@@ -168,7 +180,7 @@ class _Fit:
         the windows that pull it most.
         """
         moving = np.any(basis != 0, axis=1)
-        columns = self.columns(moving) @ basis[moving]
+        columns = self._columns_of(tuple(moving)) @ basis[moving]
         scale = np.linalg.norm(columns, axis=0)
         scale = np.where(scale > 0, scale, 1.0)
         scaled, count = columns / scale, int(self.groups[-1]) + 1
@@ -256,14 +268,21 @@ def output_weights(log: Log) -> np.ndarray:
     return 1.0 / np.maximum(spread, 1e-6)
 
 
-def _least_squares(columns: np.ndarray, error: np.ndarray) -> np.ndarray:
+def _least_squares(columns: np.ndarray, error: np.ndarray, damping: float) -> np.ndarray:
     scale = np.linalg.norm(columns, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
-    return np.linalg.lstsq(columns / scale, error, rcond=WEAK)[0] / scale
+    columns = columns / scale
+    if damping:
+        width = columns.shape[1]
+        columns = np.concatenate([columns, np.sqrt(damping) * np.eye(width)])
+        error = np.concatenate([error, np.zeros(width)])
+    return np.linalg.lstsq(columns, error, rcond=WEAK)[0] / scale
 
 
-def _bounds(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest values (P,)."""
+def value_bounds(
+    model: Model, factors: tuple[float, float] = FACTORS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest values (P,); parameters of the robot stay within factors of theirs."""
     start = np.array(model.values(), float)
     low, high = np.empty_like(start), np.empty_like(start)
     for k, name in enumerate(model.names()):
@@ -272,7 +291,7 @@ def _bounds(model: Model) -> tuple[np.ndarray, np.ndarray]:
             low[k], high[k] = get_effect(identifier).parameter_of(flat).bounds
         elif name in UNITS:
             size = max(abs(start[k]), 1e-6)
-            low[k], high[k] = FACTORS[0] * size, FACTORS[1] * size
+            low[k], high[k] = factors[0] * size, factors[1] * size
         else:
             low[k], high[k] = -FIRST_MOMENT, FIRST_MOMENT
     return low, high

@@ -20,7 +20,7 @@ from ident.diagnosis.reduced import Reduced
 from ident.diagnosis.rows import averaged, score, stretches
 from ident.diagnosis.significance import wild_p_values
 from ident.diagnosis.trials import Trial
-from ident.output_error import free_directions
+from ident.output_error import free_directions, value_bounds
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
 
@@ -30,6 +30,8 @@ BLOCKS = 4
 RIDGE = 1e-3
 # Coefficients of laws that are not linear, in units of the size that the trace was made for.
 NEAR = (0.6, 1.6)
+# Parameters of the robot move at most by these factors in one linear step.
+NEARBY = (0.5, 2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,11 +241,12 @@ class Evidence:
         return table.solve(mine - self.base, ends=self.ends(number)) / self.scale[mine]
 
     def base_values(self, number: int) -> np.ndarray:
-        """(P,) values of the base model when a trial is fitted with them."""
+        """(P,) values of the base model when a trial is fitted with them, where it still holds."""
         mine, table = self.columns[number] - self.base, self._fitted
         b = table.solve(mine, ends=self.ends(number))
         moved = (table.share[:, -1] - table.share[:, mine] @ b) / self.scale[: self.base]
-        return np.array(self.model.values()) + free_directions(self.model) @ moved
+        values = np.array(self.model.values()) + free_directions(self.model) @ moved
+        return np.clip(values, *value_bounds(self.model, NEARBY))
 
     def scatter(self, number: int) -> np.ndarray:
         """(k, k) covariance of the coefficients, from the scatter of scores between stretches.

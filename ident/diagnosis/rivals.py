@@ -144,24 +144,36 @@ def _located(parts: list[Part], model: Model) -> Model | None:
         values[model.names().index(f"{active.identifier}.{name}")] = value
         return model.with_values(values)
 
-    def cost(value: float, name: str) -> float:
-        other = moved(name, value)
-        errors = (scaled_error(Linearised.of(p.log, other), p.weights) for p in fitted)
-        return sum(float(np.sum(e[p.windows(FIT)] ** 2)) for e, p in zip(errors, fitted,
-                   strict=True))  # fmt: skip
-
     for name, (low, high) in ends.items():
         options = {"maxiter": LOOKS, "xatol": CLOSE * (high - low)}
-        found = minimize_scalar(cost, args=(name,), bounds=(low, high), options=options)
+        found = minimize_scalar(
+            lambda value, name=name: _squared(fitted, moved(name, value)),
+            bounds=(low, high),
+            options=options,
+        )
         model = moved(name, float(found.x))
     return model if ends else None
+
+
+def _squared(parts: list[Part], model: Model) -> float:
+    """Sum of squared scaled errors over the windows for fitting."""
+    total = 0.0
+    for part in parts:
+        fitted = part.windows(FIT)
+        if fitted.any():
+            error = scaled_error(Linearised.of(part.log, model), part.weights)[fitted]
+            total += float(np.sum(error**2))
+    return total
 
 
 def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate | None:
     """Refine a trial; None where its sizes make no sense together."""
     trial = evidence.trials[number]
     with np.errstate(all="ignore"):
-        start = trial.start(evidence.coefficients(number), evidence.base_values(number))
+        # A linear step of everything may go too far where a robot is far from linear.
+        sizes, present = evidence.coefficients(number), np.array(evidence.model.values())
+        starts = [trial.start(sizes, v) for v in (evidence.base_values(number), present)]
+        start = min(starts, key=lambda model: _squared(parts, model))
         refined, simulations = refit(parts, start, tolerance=ROUGH)
         located = _located(parts, refined.model)
         if located is not None:

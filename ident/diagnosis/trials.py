@@ -12,6 +12,7 @@ from ident.diagnosis.orders import strongest_orders
 from ident.log import Log
 from youbot_env.effects import Effect, Parameter, effect_names, get_effect
 from youbot_env.model import ActiveEffect, Model
+from youbot_env.parameters import ImpossibleParameters
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Trial:
             found[name] = float(np.clip(value, low, high))
         base = self.pairs[0][0]
         rest = tuple(a for a in base.effects if a.identifier != self.identifier)
-        base = replace(base, effects=rest).with_values(base_values)
+        base = _if_possible(replace(base, effects=rest), base_values)
         kept = {a.identifier: a.values for a in base.effects}
         return base.with_effects({**kept, self.identifier: found})
 
@@ -74,6 +75,14 @@ class Trial:
             if not low - slack * abs(unit) <= value <= high + slack * abs(unit):
                 return False
         return True
+
+
+def _if_possible(model: Model, values: np.ndarray) -> Model:
+    """The model with other values, or as it is where they describe no possible robot."""
+    try:
+        return model.with_values(values).check()
+    except ImpossibleParameters:
+        return model
 
 
 def trials(model: Model, log: Log) -> list[Trial]:
