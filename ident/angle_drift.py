@@ -32,6 +32,8 @@ def white_variance(log: Log, signal: np.ndarray) -> np.ndarray:
 
 def drifted(sim: Linearised, rng: np.random.Generator) -> Linearised:
     """The log simulated once more, with wheel angles as wrong as integrated noise makes them."""
+    if not len(sim.windows.angles):
+        return sim
     log = sim.log
     speed = log.wheel_velocity
     if speed is None:

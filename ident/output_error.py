@@ -60,6 +60,7 @@ class OutputError:
     simulations: tuple[Linearised, ...]
 
 
+@np.errstate(all="ignore")  # guesses that run away are told by their cost
 def refine(
     logs: list[Log],
     model: Model,

@@ -168,7 +168,7 @@ def search(
         group = at.last.choose()
         if not at.real:
             group = at.add_one_of_two(group)
-        at.outside = at.last.outside(group[0] if group else None) and not at.real
+        at.outside = not at.real and at.last.outside(group[0] if group else None)
         # Where the wheels agree the end shows better whether effects leave too much: two effects
         # may look like one that is not in the library.
         if not group or (at.outside and not at.last.wheels_agree):

@@ -1,0 +1,90 @@
+"""Output error: intervals that hold what they should, steps that survive bad guesses."""
+
+import numpy as np
+import pytest
+
+from ident.angle_drift import drifted, white_variance
+from ident.free_run import cut_windows
+from ident.log import Log
+from ident.output_error import refine
+from ident.sensitivity import Linearised
+from youbot_env.model_file import load_model
+from youbot_env.references import calibration_sequence
+from youbot_env.simulation import IDEAL, Sensors, record_closed_loop
+
+PAPER, NOMINAL = load_model("paper"), load_model("nominal")
+
+
+def record(model, seconds, sensors, seed=1):
+    times = np.arange(round(seconds * 100)) / 100
+    channels = record_closed_loop(model, calibration_sequence(seconds=seconds), times, sensors,
+                                  seed=seed)  # fmt: skip
+    return Log("log", model.platform, **channels)
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return record(PAPER, 60.0, Sensors())
+
+
+def test_covariance_is_that_of_fits_without_one_window(noisy):
+    full = refine([noisy], NOMINAL)
+    count = full.windows
+    values = []
+    for window in range(count):
+        keep = np.arange(count) != window
+        values.append(refine([noisy], full.model, iterations=3, keep=[keep]).model.values())
+    spread = np.array(values) - np.mean(values, axis=0)
+    exact = np.sqrt(np.sum(spread**2, axis=0) * (count - 1) / count)
+    assert np.sqrt(np.diag(full.covariance)) == pytest.approx(exact, rel=0.1)
+
+
+def test_intervals_know_that_integrated_angles_drift(monkeypatch):
+    a, b = 0.2, 0.1
+    truth = PAPER.with_effects({"torque_ripple": {"a_fl": a, "b_fl": b, "k": 6.0}})
+    log = record(truth, 60.0, Sensors(wheel_velocity=0.06))
+    found = refine([log], truth)
+    at = [found.model.names().index(f"torque_ripple.{name}_fl") for name in "ab"]
+    error = (np.array(found.model.values()) - truth.values())[at]
+    # The drift turns the phase: it moves a and b against each other.
+    turn = np.array([b, -a]) / np.hypot(a, b)
+
+    def sigma(covariance):
+        return float(np.sqrt(turn @ covariance[np.ix_(at, at)] @ turn))
+
+    known = sigma(found.covariance)
+    assert abs(turn @ error) < 3.0 * known
+    monkeypatch.setattr("ident.output_error.drifted", lambda sim, rng: sim)
+    assert known > 1.5 * sigma(refine([log], found.model, iterations=1).covariance)
+
+
+def test_only_laws_that_read_the_angle_feel_its_drift(noisy):
+    rng = np.random.default_rng(0)
+    for model, feels in ((PAPER.with_effects({"torque_ripple": {"a": 0.2}}), True), (PAPER, False)):
+        sim = Linearised.of(noisy, model)
+        assert bool(np.any(drifted(sim, rng).residual != sim.residual)) is feels
+
+
+def test_noise_is_read_off_beneath_the_motion(noisy):
+    sensors = Sensors()
+    found = np.sqrt(white_variance(noisy, noisy.wheel_velocity))
+    assert found == pytest.approx(sensors.wheel_velocity, rel=0.25)
+    quiet = record(PAPER, 20.0, IDEAL)
+    assert np.all(
+        np.sqrt(white_variance(quiet, quiet.wheel_velocity)) < 0.2 * sensors.wheel_velocity
+    )
+
+
+def test_a_bad_guess_ends_at_the_same_values(noisy):
+    near = refine([noisy], NOMINAL).model
+    far = NOMINAL.with_values([4.0 * v for v in NOMINAL.values()[:3]] + [1.5, -1.0, 0.6, 0.03])
+    found = refine([noisy], far, iterations=60)
+    assert found.converged
+    assert found.model.values() == pytest.approx(near.values(), rel=1e-3, abs=1e-4)
+
+
+def test_what_a_record_begins_with_is_left_out(noisy):
+    windows = cut_windows(noisy, PAPER, 2.0)
+    assert windows.index[0, 0] == 11  # 0.1 s of history, then the start of the window
+    short = noisy.part(noisy.time[0], noisy.time[0] + 2.02)
+    assert len(cut_windows(short, PAPER, 2.0).index) == 1
