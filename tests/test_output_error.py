@@ -36,7 +36,9 @@ def test_covariance_is_that_of_fits_without_one_window(noisy):
         values.append(refine([noisy], full.model, iterations=3, keep=[keep]).model.values())
     spread = np.array(values) - np.mean(values, axis=0)
     exact = np.sqrt(np.sum(spread**2, axis=0) * (count - 1) / count)
-    assert np.sqrt(np.diag(full.covariance)) == pytest.approx(exact, rel=0.1)
+    # A little wider, as values that few windows carry have a wider Student's t.
+    ratio = np.sqrt(np.diag(full.covariance)) / exact
+    assert np.all((ratio > 0.93) & (ratio < 1.3))
 
 
 def test_intervals_know_that_integrated_angles_drift(monkeypatch):
