@@ -7,15 +7,14 @@ limits, Stribeck speeds) are estimated with the others.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import null_space
-from scipy.special import stdtrit
 
 from ident.angle_drift import drifted
+from ident.jackknife import left_one_out
 from ident.log import Log
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
@@ -37,8 +36,6 @@ DAMPING = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0)
 LIMIT = 1e3
 # Draws of the drift of the wheel angles.
 DRIFTS = 8
-# Degrees of freedom that are believed in, at least.
-FEWEST = 2.0
 
 
 @dataclass(frozen=True)
@@ -178,37 +175,17 @@ class _Fit:
         return step
 
     def covariance(self, basis: np.ndarray) -> np.ndarray:
-        """Scatter of the step over fits that leave out one window each (cluster jackknife, CR3).
-
-        With few windows for many values the plain sandwich is too small: errors of a fit hide in
-        the windows that pull it most.  Values that a part of the windows carries have as few
-        degrees of freedom as those (Bell and McCaffrey 2002, for equal errors); their standard
-        errors are enlarged so that Student's t with windows - 1 of them is right for all.
-        """
+        """(P, P) from the scatter between windows and the drift of wheel angles."""
         moving = np.any(basis != 0, axis=1)
         columns = self._columns_of(tuple(moving)) @ basis[moving]
-        scale = np.linalg.norm(columns, axis=0)
-        scale = np.where(scale > 0, scale, 1.0)
-        scaled, count = columns / scale, int(self.groups[-1]) + 1
-        ends = np.searchsorted(self.groups, np.arange(count + 1))
-        inner, scores = scaled.T @ scaled, scaled.T @ self.error
-        turn = basis / scale
-        pull = np.linalg.pinv(inner, rcond=1e-10, hermitian=True) @ turn.T
-        moves, carried = np.zeros((count, len(scale))), np.zeros((count, len(basis)))
-        for k, (start, end) in enumerate(itertools.pairwise(ends)):
-            mine, error = scaled[start:end], self.error[start:end]
-            moves[k] = np.linalg.pinv(inner - mine.T @ mine, rcond=1e-10, hermitian=True) @ (
-                scores - mine.T @ error
-            )
-            carried[k] = np.sum((mine @ pull) ** 2, axis=0)
-        moves -= moves.mean(axis=0)
-        scatter = moves.T @ moves * (count - 1) / count
+        found = left_one_out(columns, self.error, self.groups, basis)
         # What every robot has is no answer, and its own sizes hardly depend on the drift.
         if any(a.effect.needs_wheel_angle and not a.effect.background for a in self.model.effects):
-            drifts = np.linalg.lstsq(scaled, self.drifts(), rcond=WEAK)[0]
-            scatter += drifts @ drifts.T / DRIFTS
-        wide = _enlarged(carried)
-        return turn @ scatter @ turn.T * np.outer(wide, wide)
+            scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+            drifts = np.linalg.lstsq(columns / scale, self.drifts(), rcond=WEAK)[0]
+            drifts = basis / scale @ drifts
+            found = found + drifts @ drifts.T / DRIFTS
+        return found
 
     def drifts(self) -> np.ndarray:
         """(N, DRIFTS) changes of the errors when the wheel angles are as wrong as they may be."""
@@ -221,20 +198,6 @@ class _Fit:
             ]
             changes.append(np.concatenate(error) - self.error)
         return np.stack(changes, axis=1)
-
-
-def _enlarged(carried: np.ndarray) -> np.ndarray:
-    """(P,) quantiles of Student's t by those with as many degrees as windows less one.
-
-    Args:
-        carried: (W, P) variance of each value that comes from each window.
-    """
-    total = carried.sum(axis=0)
-    known = total > 0
-    freedom = np.full(len(total), len(carried) - 1.0)
-    freedom[known] = total[known] ** 2 / np.sum(carried[:, known] ** 2, axis=0)
-    freedom = np.clip(freedom, FEWEST, max(len(carried) - 1.0, FEWEST))
-    return stdtrit(freedom, 0.975) / stdtrit(max(len(carried) - 1.0, FEWEST), 0.975)
 
 
 def free_directions(model: Model, free: tuple[str, ...] | None = None) -> np.ndarray:
