@@ -162,10 +162,16 @@ class Round:
         handicap = SPLIT * (self.trial(number).per_wheel - self.trial(old).per_wheel)
         return bool(self.gains[number] > self.gains[old] + handicap)
 
-    def choose(self) -> list[Candidate]:
-        """The group that fits best, refined; empty where nothing passes."""
+    def choose(self, present: Candidate | None = None) -> list[Candidate]:
+        """The group that fits best, refined; empty where nothing passes.
+
+        Args:
+            present: an effect that was chosen before and has to be beaten.
+        """
         found = [candidate(self.parts, self.evidence, k) for k in self.worth_refining()]
         found = [c for c in found if c is not None and self.helps(c)]
+        if present is not None and present.identifier not in {c.identifier for c in found}:
+            found.append(present)
         return ranked(found, self.evidence.role, self.loss) if found else []
 
     def pair(self, group: list[Candidate]) -> tuple[int, int] | None:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.parts import Part
-from ident.diagnosis.rivals import Candidate, Refits, candidate
+from ident.diagnosis.rivals import Candidate, Refits, candidate, window_losses
 from ident.diagnosis.rounds import Round
 from ident.diagnosis.steps import Step, with_steps, without, without_idle
 from ident.output_error import OutputError
 from ident.sensitivity import Linearised
+from youbot_env.model import Model
 
 MOST_EFFECTS, ROUNDS = 3, 6
 # Times that all steps are chosen again; the second only where the first has changed one.
@@ -117,6 +118,15 @@ class Search:
         self.last = third
         return other
 
+    def _again(self, step: Step, rest: Model) -> Candidate:
+        """The effect of a step refined once more, on top of all the others."""
+        best = step.best
+        values = next(a.values for a in best.model.effects if a.identifier == best.identifier)
+        kept = {a.identifier: a.values for a in rest.effects}
+        refined, simulations = self.fits.of(rest.with_effects({**kept, best.identifier: values}))
+        loss = window_losses(self.parts, simulations)
+        return replace(best, refined=refined, simulations=simulations, loss=loss)
+
     def settle(self) -> None:
         """Choose every step again that was not chosen beside all the others."""
         before = [step.best.identifier for step in self.steps]
@@ -127,10 +137,11 @@ class Search:
             self.tell(f"comparing rivals of {step.best.identifier} again")
             rest = without(with_steps(self.base.model, self.steps), step.best.identifier)
             now = self.after(self.fits.of(rest)[1], self.last.origin)
-            group = now.choose()
-            if group:
-                names, p = tuple(c.identifier for c in group), float(now.p[group[0].number])
-                self.steps[number] = Step(group[0], names, p, False, tuple(group[1:]))
+            group = now.choose(self._again(step, rest))
+            kept = group[0].identifier == step.best.identifier
+            p = step.p if kept else float(now.p[group[0].number])
+            names = tuple(c.identifier for c in group)
+            self.steps[number] = Step(group[0], names, p, False, tuple(group[1:]))
         if before != [step.best.identifier for step in self.steps]:
             _, simulations = self.fits.of(with_steps(self.base.model, self.steps))
             self.last = self.after(simulations, self.last.origin)
