@@ -12,6 +12,7 @@ import numpy as np
 
 from ident.log import Log
 from ident.sensitivity import Linearised
+from ident.signals import wheel_speeds
 
 # White noise becomes this much larger in second differences: 1 + 4 + 1.
 AMPLIFIED = 6.0
@@ -34,10 +35,7 @@ def drifted(sim: Linearised, rng: np.random.Generator) -> Linearised:
     """The log simulated once more, with wheel angles as wrong as integrated noise makes them."""
     if not len(sim.windows.angles):
         return sim
-    log = sim.log
-    speed = log.wheel_velocity
-    if speed is None:
-        speed = log.velocity() @ log.platform.jacobian_array.T
+    log, speed = sim.log, wheel_speeds(sim.log)
     noise = np.sqrt(white_variance(log, speed)) * rng.normal(size=speed.shape)
     walk = np.cumsum(noise * np.gradient(log.time)[:, None], axis=0)
     rows = (sim.windows.index - 1).ravel()

@@ -95,10 +95,14 @@ def body_velocity(geometry, wheel_velocity: tuple) -> tuple:
 
 def wheel_angles(log: Log) -> np.ndarray:
     """(N, n) wheel angles integrated from their speeds, rad, zero at the first sample."""
-    speed = log.wheel_velocity
-    if speed is None:
-        speed = log.velocity() @ log.platform.jacobian_array.T
-    return np.stack([_integral(log.time, column) for column in speed.T], axis=1)
+    return np.stack([_integral(log.time, column) for column in wheel_speeds(log).T], axis=1)
+
+
+def wheel_speeds(log: Log) -> np.ndarray:
+    """(N, n) measured wheel speeds, rad/s, or those of the measured body velocities."""
+    if log.wheel_velocity is None:
+        return log.velocity() @ log.platform.jacobian_array.T
+    return log.wheel_velocity
 
 
 def delivered_torques(log: Log, model: Model, values=None) -> np.ndarray:

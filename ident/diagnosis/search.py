@@ -63,10 +63,8 @@ class Search:
 
     def add(self, group: list[Candidate], p: float, background: bool = False) -> None:
         """Add the best of a group."""
-        best = group[0]
-        self.tell(f"adding {best.identifier}")
-        names = tuple(c.identifier for c in group)
-        self.steps.append(Step(best, names, p, background, tuple(group[1:])))
+        self.tell(f"adding {group[0].identifier}")
+        self.steps.append(Step(group[0], p, background, tuple(group[1:])))
 
     def add_background(self) -> None:
         """Explain what every robot has some of, if the logs show it."""
@@ -140,8 +138,7 @@ class Search:
             group = now.choose(self._again(step, rest))
             kept = group[0].identifier == step.best.identifier
             p = step.p if kept else float(now.p[group[0].number])
-            names = tuple(c.identifier for c in group)
-            self.steps[number] = Step(group[0], names, p, False, tuple(group[1:]))
+            self.steps[number] = Step(group[0], p, False, tuple(group[1:]))
         if before != [step.best.identifier for step in self.steps]:
             _, simulations = self.fits.of(with_steps(self.base.model, self.steps))
             self.last = self.after(simulations, self.last.origin)

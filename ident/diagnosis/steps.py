@@ -22,17 +22,20 @@ class Step:
 
     Attributes:
         best: what was added.
-        group: identifiers that fit as well, best first.
         p: adjusted p value.
         background: whether every robot has some of it.
         rivals: the others of the group, refined.
     """
 
     best: Candidate
-    group: tuple[str, ...]
     p: float
     background: bool
     rivals: tuple[Candidate, ...] = ()
+
+    @property
+    def group(self) -> tuple[str, ...]:
+        """Identifiers that fit as well, best first."""
+        return tuple(c.identifier for c in (self.best, *self.rivals))
 
     @property
     def beside(self) -> set[str]:
