@@ -202,8 +202,8 @@ def _shown(log: Log, model: Model, windows: Windows, states: np.ndarray) -> np.n
 def _windows_function(advance: ca.Function, length: int, count: int, angles: int) -> ca.Function:
     """One window is the step accumulated over its samples; all windows are mapped over it."""
     size, wheels = advance.size1_in(0), advance.numel_in(1)
-    step_in = [ca.MX.sym(advance.name_in(k), *advance.size_in(k)) for k in range(5)]
-    turned = ca.MX.sym("angles", angles)
+    step_in = [ca.SX.sym(advance.name_in(k), *advance.size_in(k)) for k in range(5)]
+    turned = ca.SX.sym("angles", angles)
     placed = ca.vertcat(step_in[0][:6], turned, step_in[0][6 + angles :])
     measured = ca.Function("sample", [*step_in, turned], [advance(placed, *step_in[1:])],
                            [*advance.name_in(), "angles"], ["next"])  # fmt: skip

@@ -63,7 +63,7 @@ class OutputError:
 @np.errstate(all="ignore")  # guesses that run away are told by their cost
 def refine(
     logs: list[Log],
-    model: Model,
+    model: Model | list[Model],
     free: tuple[str, ...] | None = None,
     window: float | None = None,
     iterations: int = 30,
@@ -76,7 +76,7 @@ def refine(
 
     Args:
         logs: measured records.
-        model: start values.
+        model: start values; of several the best are taken.
         free: names (of ``model.names()``) to estimate; when None all in which laws are smooth.
         window: length of the windows, s; chosen from each log's duration when None.
         iterations: most Gauss-Newton steps.
@@ -88,21 +88,24 @@ def refine(
     Returns:
         The refined model with its covariance.  Contrast parameters keep their mean.
     """
-    directions = free_directions(model, free)
-    low, high = value_bounds(model)
-    now = _Fit.at(
-        logs, model.with_values(np.clip(model.values(), low, high)), window, keep, weights
-    )
-    first, converged = now.cost, False
+    starts = [model] if isinstance(model, Model) else model
+    model = starts[0]
+    directions, (low, high) = free_directions(model, free), value_bounds(model)
+
+    def at(values) -> _Fit:
+        return _Fit.at(logs, model.with_values(np.clip(values, low, high)), window, keep, weights)
+
+    now = min((at(start.values()) for start in starts), key=lambda fit: fit.cost)
+    first, converged, gentlest = now.cost, False, 0
     for _ in range(iterations):
-        values = np.array(now.model.values())
-        better = None
-        for damping in DAMPING:
-            step = now.step(values, directions, low, high, damping)
-            other = model.with_values(np.clip(values + step, low, high))
-            trial = _Fit.at(logs, other, window, keep, weights)
+        values, better = np.array(now.model.values()), None
+        for level in range(gentlest, len(DAMPING)):
+            step, promised = now.step(values, directions, low, high, DAMPING[level])
+            if promised < tolerance * now.cost:
+                break  # dampening promises even less
+            trial = at(values + step)
             if trial.cost < now.cost:
-                better = trial
+                better, gentlest = trial, max(level - 1, 0)  # much gentler would fail again
                 break
         if better is None or now.cost - better.cost < tolerance * now.cost:
             now, converged = better or now, True
@@ -161,8 +164,11 @@ class _Fit:
             parts.append(np.nan_to_num(columns.reshape(-1, columns.shape[-1])))
         return np.concatenate(parts)
 
-    def step(self, values, directions, low, high, damping: float) -> np.ndarray:
-        """Damped Gauss-Newton step (P,); values at a bound do not push against it."""
+    def step(self, values, directions, low, high, damping: float) -> tuple[np.ndarray, float]:
+        """Damped Gauss-Newton step (P,), and how much lower it promises the cost to be.
+
+        Values at a bound do not push against it.
+        """
         moving = np.any(directions != 0, axis=1)
         columns, held = self._columns_of(tuple(moving)), np.zeros(len(values), bool)
         for _ in range(3):
@@ -172,7 +178,8 @@ class _Fit:
             if not np.any(out & ~held):
                 break
             held |= out
-        return step
+        left = self.error - columns @ step[moving]
+        return step, self.cost - 0.5 * float(left @ left)
 
     def covariance(self, basis: np.ndarray) -> np.ndarray:
         """(P, P) from the scatter between windows and the drift of wheel angles."""

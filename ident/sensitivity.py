@@ -22,7 +22,7 @@ import numpy as np
 
 from ident.free_run import Windows, cut_windows, seen_by_sensors
 from ident.log import Log
-from ident.signals import delivered_torques, wheel_angles
+from ident.signals import delivered_torques, observed_motion, wheel_angles
 from youbot_env import dynamics
 from youbot_env.backend import NUMPY
 from youbot_env.effects.base import Signals
@@ -33,12 +33,15 @@ from youbot_env.plant import Robot, Structure
 LONGEST, SHORTEST, WANTED = 4.0, 2.0, 28
 # Step of numerical derivatives: relative, and the size from which it is relative.
 STEP, SMALL = 1e-3, 1e-2
-
+# The same for velocities, m/s and rad/s: far below the speeds over which dry friction turns round.
+NUDGE = 1e-6
+# Intermediate results of models that are kept for the next ones.
+RECENT = 16
 
 DRIVE = ("drive", "delay")
 # Largest step of a simulation, in units of the fastest time constant: what is lost is far below the
 # noise of a log.
-COARSE = 1.2
+COARSE = 1.6
 
 
 def window_length(log: Log) -> float:
@@ -95,7 +98,7 @@ class Linearised:
         steps = STEP * np.maximum(np.abs(values), SMALL)
         moved = (values + np.diag(steps))[chosen]
         changes = [self._change(self.model, row, self._present) for row in moved]
-        return self._outputs(changes) / steps[chosen]
+        return self._follow(changes) / steps[chosen]
 
     def model_columns(self, pairs: Iterable[tuple[Model, Model]]) -> np.ndarray:
         """(W, L, m, K) changes of the outputs from the first to the second model of each pair."""
@@ -105,15 +108,13 @@ class Linearised:
                 last = first
                 before = self._present if first is self.model else self._evaluate(first)
             changes.append(self._change(second, None, before))
-        return self._outputs(changes)
+        return self._follow(changes)
 
     def force_columns(self, wrenches: Iterable[np.ndarray]) -> np.ndarray:
         """(W, L, m, K) changes of the outputs under extra wrenches (3, W L) on the body, N, N m."""
         robot, s = self._robot, self.signals
-        mass = (robot.inertia or dynamics.prepare(s.geometry, s.theta)).mass
-        still = np.zeros_like(self._present[1])
-        return self._outputs([(self._stack(dynamics.solve(mass, tuple(w))), still)
-                              for w in wrenches])  # fmt: skip
+        mass = robot.inertia_at(s).mass
+        return self._follow_drive([self._stack(dynamics.solve(mass, tuple(w))) for w in wrenches])
 
     @cached_property
     def signals(self) -> Signals:
@@ -161,47 +162,63 @@ class Linearised:
         return after[0] - before[0], after[1] - before[1]
 
     def _evaluate(
-        self, model: Model, values=None, middle: np.ndarray | None = None, end=None
+        self, model: Model, values=None, ahead: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Acceleration (3, W L) half way and outputs (m, W L) at the end of each interval."""
-        along = middle is None
-        middle, end = (self._middle, self._end) if along else (middle, end)
+        """Acceleration (3, W L) half way and outputs (m, W L) at the end of each interval.
+
+        ``ahead`` (3,) is added to all velocities.
+        """
         values = model.values() if values is None else values.tolist()
         structure = Structure.of(model)
         robot, rest = structure.bind(values), structure.rest().internal
-        torque = self._kept(
-            ("torque", _part(model, values, DRIVE)),
-            lambda: tuple(delivered_torques(self.log, model, values)[self._rows].T),
+        rolling, reads = (
+            _part(model, values, ("kinematics",)),
+            (robot.reads_pose, robot.reads_wheel_angle),
         )
-        rolling = _part(model, values, ("kinematics",))
-        s = self._signals(robot, middle, 0.5, ("middle", rolling) if along else None)
+
+        def motions() -> list[tuple]:
+            return [observed_motion(p, robot, self.log.time[0]) for p in self.log.pieces()]
+
+        def delivered() -> tuple:
+            seen = self._kept(("motions", rolling, reads), motions)
+            return tuple(delivered_torques(self.log, model, values, seen)[self._rows].T)
+
+        torque = self._kept(("torque", _part(model, values, DRIVE)), delivered)
+        s = self._signals(robot, self._middle, 0.5, ("middle", rolling), ahead)
         wrench = robot.wrench(torque, s, rest, NUMPY)
-        acceleration = self._stack(robot.acceleration(wrench, s))
+        placed = (rolling, _part(model, values, ("inertial",)), tuple(values[:7]))
+        inertia = self._kept(("inertia", placed), lambda: robot.inertia_at(s))
+        acceleration = self._stack(robot.acceleration(wrench, s, inertia))
 
         def outputs() -> np.ndarray:
-            s = self._signals(robot, end, 1.0, ("end", rolling) if along else None)
+            s = self._signals(robot, self._end, 1.0, ("end", rolling), ahead)
             if robot.acting("slip"):
                 robot.wrench(torque, s, rest, NUMPY)
             return self._stack(seen_by_sensors(robot, s, self.log))
 
-        if along and not robot.acting("slip"):
+        if ahead is None and not robot.acting("slip"):
             return acceleration, self._kept(("outputs", rolling), outputs)
         return acceleration, outputs()
 
     def _kept(self, key: tuple, make: Callable[[], Any]) -> Any:
         """What was made for a key before, or now; models in a row share most of it."""
-        if key not in self._recent:
-            while len(self._recent) >= 16:
-                self._recent.pop(next(iter(self._recent)))
-            self._recent[key] = make()
-        return self._recent[key]
+        found = self._recent.pop(key) if key in self._recent else make()
+        while len(self._recent) >= RECENT:
+            self._recent.pop(next(iter(self._recent)))
+        self._recent[key] = found  # in the order of last use
+        return found
 
     @cached_property
     def _recent(self) -> dict:
         return {}
 
     def _signals(
-        self, robot: Robot, states: np.ndarray, share: float, key: tuple | None = None
+        self,
+        robot: Robot,
+        states: np.ndarray,
+        share: float,
+        key: tuple | None = None,
+        ahead: np.ndarray | None = None,
     ) -> Signals:
         rows, log = self._rows, self.log
         angle = ()
@@ -209,12 +226,14 @@ class Linearised:
             angle = (1 - share) * self._angles[rows] + share * self._angles[rows + 1]
             angle = tuple(angle.T)
         t = (1 - share) * log.time[rows] + share * log.time[rows + 1] - log.time[0]
-        v, pose = tuple(states[:, 3:6].T), tuple(states[:, :3].T)
-        known = self._recent.get(key) if key and robot.acting("kinematics") else None
-        s = robot.signals(t, v, pose, angle, self._commands, NUMPY, known)
-        if key and known is None and robot.acting("kinematics"):
-            self._kept(key, lambda: s.geometry)
-        return s
+        v = states[:, 3:6] if ahead is None else states[:, 3:6] + ahead
+        v, pose = tuple(v.T), tuple(states[:, :3].T)
+        if not (key and robot.acting("kinematics")):
+            return robot.signals(t, v, pose, angle, self._commands, NUMPY)
+        geometry = self._kept(
+            key, lambda: robot.signals(t, v, pose, angle, self._commands, NUMPY).geometry
+        )
+        return robot.signals(t, v, pose, angle, self._commands, NUMPY, geometry)
 
     @cached_property
     def _commands(self) -> tuple:
@@ -223,15 +242,10 @@ class Linearised:
     @cached_property
     def _slopes(self) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives by velocity: of accelerations (W L, 3, 3) and of outputs (W L, m, 3)."""
-        slopes, step = [], 1e-4
-        for axis in range(3):
-            ends = []
-            for sign in (1.0, -1.0):
-                states = [part.copy() for part in (self._middle, self._end)]
-                for part in states:
-                    part[:, 3 + axis] += sign * step
-                ends.append(self._evaluate(self.model, None, *states))
-            slopes.append([(a - b) / (2 * step) for a, b in zip(*ends, strict=True)])
+        slopes = []
+        for ahead in NUDGE * np.eye(3):
+            moved = self._evaluate(self.model, None, ahead)
+            slopes.append([(a - b) / NUDGE for a, b in zip(moved, self._present, strict=True)])
         return tuple(np.stack(part).transpose(2, 1, 0) for part in zip(*slopes, strict=True))
 
     @cached_property
@@ -245,12 +259,20 @@ class Linearised:
         shape = (*self.shape, 3, 3)
         return (inverse @ (np.eye(3) + 0.5 * h * A)).reshape(shape), (inverse * h).reshape(shape)
 
-    def _outputs(self, changes: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    def _follow(self, changes: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
         """(W, L, m, K) outputs that follow from changes of acceleration and of outputs."""
+        columns = self._follow_drive([acceleration for acceleration, _ in changes])
+        for k, (_, outputs) in enumerate(changes):
+            if np.any(outputs):
+                columns[..., k] += self._shaped(outputs)
+        return columns
+
+    def _follow_drive(self, changes: list[np.ndarray]) -> np.ndarray:
+        """(W, L, m, K) outputs that follow from changes of acceleration (3, W L)."""
         (windows, length), count = self.shape, len(changes)
         if not changes:
             return np.zeros((*self.residual.shape, 0))
-        drive = np.stack([a for a, _ in changes], axis=-1).reshape(3, windows, length, count)
+        drive = np.stack(changes, axis=-1).reshape(3, windows, length, count)
         keep, gain = self._transition
         drive = np.einsum("wlij,jwlk->lwik", gain, drive, optimize=True)
         dv = np.empty((length, windows, 3, count))
@@ -258,10 +280,8 @@ class Linearised:
         for at in range(length):
             now = keep[:, at] @ now + drive[at]
             dv[at] = now
-        direct = np.stack([o for _, o in changes], axis=-1).reshape(-1, windows, length, count)
         slope = self._slopes[1].reshape(windows, length, -1, 3)
-        follow = slope @ dv.transpose(1, 0, 2, 3)
-        return follow + direct.transpose(1, 2, 0, 3)
+        return slope @ dv.transpose(1, 0, 2, 3)
 
     def _shaped(self, flat: np.ndarray) -> np.ndarray:
         return flat.reshape(-1, *self.shape).transpose(1, 2, 0)

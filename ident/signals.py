@@ -60,7 +60,9 @@ class Measured:
         return ends[0], ends[1]
 
 
-def measure(piece: Log, model: Model, values=None, origin: float = 0.0) -> Measured:
+def measure(
+    piece: Log, model: Model, values=None, origin: float = 0.0, motion: tuple | None = None
+) -> Measured:
     """Look at one contiguous piece through a model.
 
     Args:
@@ -68,24 +70,35 @@ def measure(piece: Log, model: Model, values=None, origin: float = 0.0) -> Measu
         model: platform, effects and values.
         values: other values in the order of ``model.names()``.
         origin: time at which the clock of the effects starts, s (the start of the log).
+        motion: what ``observed_motion`` returns, where it is known already.
     """
     structure = Structure.of(model)
     robot = structure.bind(np.asarray(model.values() if values is None else values, float).tolist())
     torque = delayed_hold(piece.command, piece.time, robot.delay())
     command = tuple(np.ascontiguousarray(torque.T))
-    guess = tuple(np.ascontiguousarray(piece.velocity().T))
+    v, pose, angle, geometry = motion or observed_motion(piece, robot, origin)
+    signals = robot.signals(piece.time - origin, v, pose, angle, command, NUMPY, geometry)
+    delivered = _deliver(robot, structure, signals)
+    return Measured(piece.time, robot, signals, delivered, piece, model, origin)
+
+
+def observed_motion(piece: Log, robot: Robot, origin: float) -> tuple:
+    """Body velocities, poses and wheel angles of a piece by components, and Jacobians.
+
+    The Jacobians are None where no effect changes them, the others empty where nobody reads them.
+    """
+    v = tuple(np.ascontiguousarray(piece.velocity().T))
     # Integrals that nobody reads are not worth their time.
     angle = tuple(wheel_angles(piece).T) if robot.reads_wheel_angle else ()
     pose = ()
     if robot.reads_pose:
-        pose = _odometry(piece.time, guess) if piece.pose is None else tuple(piece.pose.T)
-    clock = piece.time - origin
-    signals = robot.signals(clock, guess, pose, angle, command, NUMPY)
-    if robot.acting("kinematics") and piece.body_velocity is None:
-        v = body_velocity(signals.geometry, tuple(piece.wheel_velocity.T))
-        signals = robot.signals(clock, v, pose, angle, command, NUMPY)
-    delivered = _deliver(robot, structure, signals)
-    return Measured(piece.time, robot, signals, delivered, piece, model, origin)
+        pose = _odometry(piece.time, v) if piece.pose is None else tuple(piece.pose.T)
+    if not robot.acting("kinematics"):
+        return v, pose, angle, None
+    geometry = robot.signals(piece.time - origin, v, pose, angle, (), NUMPY).geometry
+    if piece.body_velocity is None:
+        v = body_velocity(geometry, tuple(piece.wheel_velocity.T))
+    return v, pose, angle, geometry
 
 
 def body_velocity(geometry, wheel_velocity: tuple) -> tuple:
@@ -105,15 +118,20 @@ def wheel_speeds(log: Log) -> np.ndarray:
     return log.wheel_velocity
 
 
-def delivered_torques(log: Log, model: Model, values=None) -> np.ndarray:
-    """(N, n) torques on the shafts, held between samples, after the drive of a model."""
+def delivered_torques(
+    log: Log, model: Model, values=None, motions: list[tuple] | None = None
+) -> np.ndarray:
+    """(N, n) torques on the shafts, held between samples, after the drive of a model.
+
+    ``motions`` are those of the log's pieces, where they are known already.
+    """
     acts = {hook for active in model.effects for hook in ("drive", "delay")
             if active.effect.acts(hook)}  # fmt: skip
     if not acts:
         return log.command
-    parts = []
-    for piece in log.pieces():
-        seen = measure(piece, model, values, log.time[0])
+    parts, pieces = [], log.pieces()
+    for piece, motion in zip(pieces, motions or [None] * len(pieces), strict=True):
+        seen = measure(piece, model, values, log.time[0], motion)
         parts.append(np.stack([np.broadcast_to(m, len(piece.time)) for m in seen.delivered], 1))
     return np.concatenate(parts)
 

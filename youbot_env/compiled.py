@@ -12,8 +12,8 @@ import casadi as ca
 import numpy as np
 
 from youbot_env.backend import casadi_ops
-from youbot_env.plant import Structure
-from youbot_env.stepping import advance
+from youbot_env.plant import Robot, State, Structure
+from youbot_env.stepping import advance, rk4_step
 
 
 def advance_function(structure: Structure, substeps: int = 1, history: int = 1) -> ca.Function:
@@ -48,11 +48,16 @@ class Hidden:
 @lru_cache(maxsize=128)
 def _build(key: tuple, substeps: int, history: int, hidden: Hidden) -> ca.Function:
     structure, ops = hidden.structure, casadi_ops()
-    size = len(structure.flatten(structure.rest()))
-    state, time, dt = ca.SX.sym("state", size), ca.SX.sym("t"), ca.SX.sym("dt")
+    state, time, dt = ca.SX.sym("state", _size(structure)), ca.SX.sym("t"), ca.SX.sym("dt")
     commands = ca.SX.sym("commands", len(structure.platform.wheels), history)
     values = ca.SX.sym("values", structure.value_count)
     past = tuple(tuple(ca.vertsplit(commands[:, k])) for k in range(history))
+    traced = _traced_step(key, hidden)
+
+    def step(robot: Robot, state: State, command: tuple, h, t, ops) -> State:
+        now = ca.vertcat(*structure.flatten(state))
+        return structure.unflatten(ca.vertsplit(traced(now, ca.vertcat(*command), values, t, h)))
+
     after = advance(
         structure.bind(ca.vertsplit(values)),
         structure.unflatten(ca.vertsplit(state)),
@@ -61,6 +66,7 @@ def _build(key: tuple, substeps: int, history: int, hidden: Hidden) -> ca.Functi
         substeps,
         time,
         ops,
+        step,
     )
     # Without subexpressions in common SX would evaluate the four Runge-Kutta stages' shared parts
     # again and again.
@@ -72,6 +78,23 @@ def _build(key: tuple, substeps: int, history: int, hidden: Hidden) -> ca.Functi
         ["state", "commands", "values", "t", "dt"],
         ["next"],
     )
+
+
+@lru_cache(maxsize=128)
+def _traced_step(key: tuple, hidden: Hidden) -> ca.Function:
+    """One Runge-Kutta step, traced once however often a sample interval takes it."""
+    structure = hidden.structure
+    state, time, h = ca.SX.sym("state", _size(structure)), ca.SX.sym("t"), ca.SX.sym("h")
+    command = ca.SX.sym("command", len(structure.platform.wheels))
+    values = ca.SX.sym("values", structure.value_count)
+    robot, now = structure.bind(ca.vertsplit(values)), structure.unflatten(ca.vertsplit(state))
+    after = rk4_step(robot, now, tuple(ca.vertsplit(command)), h, time, casadi_ops())
+    result = ca.vertcat(*structure.flatten(after))
+    return ca.Function("step", [state, command, values, time, h], [result])
+
+
+def _size(structure: Structure) -> int:
+    return len(structure.flatten(structure.rest()))
 
 
 class Stepper:

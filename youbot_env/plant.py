@@ -197,10 +197,13 @@ class Robot:
             total = _sum(total, effect.body(p, s, ops))
         return total
 
-    def acceleration(self, wrench: tuple, s: Signals) -> tuple:
-        """Forward dynamics under generalized forces."""
-        inertia = self.inertia or dynamics.prepare(s.geometry, s.theta)
-        return dynamics.acceleration(inertia, s.v, wrench)
+    def inertia_at(self, s: Signals) -> Inertia:
+        """What forward dynamics needs of the configuration; no velocity enters it."""
+        return self.inertia or dynamics.prepare(s.geometry, s.theta)
+
+    def acceleration(self, wrench: tuple, s: Signals, inertia: Inertia | None = None) -> tuple:
+        """Forward dynamics under generalized forces; ``inertia`` where it is known already."""
+        return dynamics.acceleration(inertia or self.inertia_at(s), s.v, wrench)
 
     def wheel_velocity(self, s: Signals, ops: Ops, internal: tuple | None = None) -> tuple:
         """Wheel speeds that an encoder sees, rad/s: J v and slip.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from youbot_env import dynamics
 from youbot_env.backend import Ops
 from youbot_env.plant import Robot, State
@@ -59,7 +61,14 @@ def rk4_step(robot: Robot, state: State, command: tuple, h, t, ops: Ops) -> Stat
 
 
 def advance(
-    robot: Robot, state: State, commands: tuple, dt: float, substeps: int, t, ops: Ops
+    robot: Robot,
+    state: State,
+    commands: tuple,
+    dt: float,
+    substeps: int,
+    t,
+    ops: Ops,
+    step: Callable[..., State] = rk4_step,
 ) -> State:
     """Advance by dt with torque commands that are held between samples.
 
@@ -72,6 +81,7 @@ def advance(
         substeps: Runge-Kutta steps a phase.
         t: time, s.
         ops: elementary functions.
+        step: takes one step, as ``rk4_step`` does.
 
     A pure delay switches the delivered command inside the interval; the interval is split there,
     which keeps the step exact for any delay.
@@ -89,7 +99,7 @@ def advance(
     for command, duration in phases:
         h = duration / substeps
         for _ in range(substeps):
-            state = rk4_step(robot, state, command, h, t, ops)
+            state = step(robot, state, command, h, t, ops)
             t = t + h
     return state
 

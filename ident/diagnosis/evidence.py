@@ -84,15 +84,16 @@ class Evidence:
         pairs = [pair for trial in found for pair in trial.pairs]
         grams, role, log, tested = [], [], [], []
         for number, (part, sim) in enumerate(zip(parts, simulations, strict=True)):
-            own = sim.value_columns(moving) @ directions[moving]
-            traces, mixed, at = sim.model_columns(pairs), [], 0
+            own = averaged(sim, sim.value_columns(moving)) @ directions[moving]
+            traces, mixed, at = averaged(sim, sim.model_columns(pairs)), [], 0
             for trial in found:
                 mixed.append(traces[..., at : at + len(trial.pairs)] @ trial.mix)
                 at += len(trial.pairs)
             made = [dependence.make(sim) for dependence in generic]
             forced = sim.force_columns([wrench for wrenches in made for wrench in wrenches])
-            wide = [own, *mixed, forced, sim.residual[..., None]]
-            rows = averaged(sim, np.concatenate(wide, axis=-1) * part.weights[:, None])
+            error = averaged(sim, sim.residual[..., None])
+            wide = [own, *mixed, averaged(sim, forced), error]
+            rows = np.concatenate(wide, axis=-1) * part.weights[:, None]
             flat = rows.reshape(len(rows), -1, rows.shape[-1])
             grams.append(flat.transpose(0, 2, 1) @ flat)
             if part.windows(FIT).any():

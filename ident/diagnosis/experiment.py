@@ -11,7 +11,7 @@ import numpy as np
 from ident.diagnosis.menu import FOLDER, SECONDS, menu
 from ident.log import Log
 from ident.output_error import free_directions, output_weights, settled
-from ident.sensitivity import Linearised
+from ident.sensitivity import COARSE, Linearised
 from youbot_env.model import Model
 from youbot_env.references import Reference
 from youbot_env.simulation import record_closed_loop
@@ -104,7 +104,7 @@ def distance(robot: Model, other: Model, motion: Reference) -> float:
     """Squared scaled error that ``other`` leaves of ``robot``'s motion, by independent times."""
     times = np.arange(round(SECONDS * RATE)) / RATE
     try:
-        channels = record_closed_loop(robot, motion, times, IDEAL, seed=0)
+        channels = record_closed_loop(robot, motion, times, IDEAL, seed=0, fraction=COARSE)
     except ValueError:
         return 0.0
     if not all(np.all(np.isfinite(c)) for c in channels.values()):

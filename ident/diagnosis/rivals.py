@@ -28,7 +28,7 @@ EACH = 8
 # Gauss-Newton steps of a refinement; the start is close.
 STEPS = 8
 # What a step removes when it was the last one worth taking; less care suffices to compare effects.
-TOLERANCE, ROUGH = 1e-4, 1e-3
+TOLERANCE, ROUGH, FINE = 1e-5, 1e-4, 1e-6
 # Values without a derivative: looks, and how close to come, as a share of the search range.
 LOOKS, CLOSE = 9, 0.002
 
@@ -75,7 +75,7 @@ def window_losses(parts: list[Part], simulations) -> np.ndarray:
 
 def refit(
     parts: list[Part],
-    model: Model,
+    model: Model | list[Model],
     steps: int = STEPS,
     intervals: bool = False,
     tolerance: float = TOLERANCE,
@@ -116,11 +116,15 @@ class Refits:
             self._known[key] = refit(self.parts, model)
         return self._known[key]
 
+    def remember(self, found: Candidate) -> None:
+        """Keep what was refined to compare a candidate."""
+        self._known[self._key(found.refined.model)] = found.refined, found.simulations
+
     def with_intervals(self, model: Model) -> Model:
         """The refined model with its covariance."""
         refined, key = self.of(model)[0], self._key(model)
         if refined.covariance is None:
-            self._known[key] = refit(self.parts, refined.model, steps=1, intervals=True)
+            self._known[key] = refit(self.parts, refined.model, intervals=True, tolerance=FINE)
         return self._known[key][0].model
 
     def _key(self, model: Model) -> tuple:
@@ -173,8 +177,7 @@ def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate |
         # A linear step of everything may go too far where a robot is far from linear.
         sizes, present = evidence.coefficients(number), np.array(evidence.model.values())
         starts = [trial.start(sizes, v) for v in (evidence.base_values(number), present)]
-        start = min(starts, key=lambda model: _squared(parts, model))
-        refined, simulations = refit(parts, start, tolerance=ROUGH)
+        refined, simulations = refit(parts, starts, tolerance=ROUGH)
         located = _located(parts, refined.model)
         if located is not None:
             refined, simulations = refit(parts, located, tolerance=ROUGH)

@@ -64,6 +64,7 @@ class Search:
     def add(self, group: list[Candidate], p: float, background: bool = False) -> None:
         """Add the best of a group."""
         self.tell(f"adding {group[0].identifier}")
+        self.fits.remember(group[0])
         self.steps.append(Step(group[0], p, background, tuple(group[1:])))
 
     def add_background(self) -> None:

@@ -162,11 +162,14 @@ class Effect:
         raise NotImplementedError
 
     def inertial(self, p: Any, s: Signals, ops: Ops) -> Theta:
-        """Change of theta (a payload), to be added to the robot's."""
+        """Change of theta (a payload), to be added to the robot's; does not read velocities."""
         raise NotImplementedError
 
     def kinematics(self, p: Any, geometry: Geometry, s: Signals, ops: Ops) -> Geometry:
-        """Jacobians in place of the ideal ones (radius errors, finite rollers)."""
+        """Jacobians in place of the ideal ones (radius errors, finite rollers).
+
+        They belong to a configuration: velocities are not read.
+        """
         raise NotImplementedError
 
     def slip(self, p: Any, s: Signals, ops: Ops) -> tuple:

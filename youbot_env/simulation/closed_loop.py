@@ -12,14 +12,13 @@ import casadi as ca
 import numpy as np
 
 from youbot_env.backend import NUMPY, casadi_ops
-from youbot_env.compiled import Hidden
+from youbot_env.compiled import Hidden, advance_function
 from youbot_env.model import Model
 from youbot_env.plant import Structure
 from youbot_env.references import Reference
-from youbot_env.simulation.analytic import choose_substeps, history_length
+from youbot_env.simulation.analytic import STEP_FRACTION, choose_substeps, history_length
 from youbot_env.simulation.sensors import Sensors
 from youbot_env.simulation.wheel_loop import WheelLoop
-from youbot_env.stepping import advance
 
 
 def record_closed_loop(
@@ -29,6 +28,7 @@ def record_closed_loop(
     sensors: Sensors,
     loop: WheelLoop | None = None,
     seed: int | None = None,
+    fraction: float = STEP_FRACTION,
 ) -> dict[str, np.ndarray]:
     """Drive a robot along a reference and record what its sensors show.
 
@@ -39,6 +39,7 @@ def record_closed_loop(
         sensors: noise of the record; the loops see the noisy wheel speeds.
         loop: gains on board.
         seed: of the reference and of all noise.
+        fraction: of the fastest time constant, the largest step.
 
     Returns:
         Channels of a log: ``time`` (N,) s, ``wheel_velocity`` (N, n) rad/s, ``wheel_torque`` (N, n)
@@ -52,7 +53,7 @@ def record_closed_loop(
     twist = np.array(np.broadcast_arrays(*motion.twist(NUMPY), times)[:3])
     steps = np.diff(times, append=2 * times[-1] - times[-2])
     delay = structure.bind(model.values()).delay()
-    substeps = choose_substeps(model, float(steps.max()))
+    substeps = choose_substeps(model, float(steps.max()), fraction)
     history = history_length(structure, delay, float(steps.min()))
     function = _record_function(structure.key, substeps, history, loop, count, Hidden(structure))
     start = tuple(float(np.ravel(component)[0]) for component in motion.pose)
@@ -95,10 +96,10 @@ def _record_function(
         tuple(ca.vertsplit(speed)), tuple(ca.vertsplit(integral)), dt, ops,
     )  # fmt: skip
     commands = ca.horzcat(ca.vertcat(*command), past[:, : history - 1])
-    columns = tuple(tuple(ca.vertsplit(commands[:, k])) for k in range(history))
-    after = advance(robot, state, columns, dt, substeps, time, ops)
+    advance = advance_function(structure, substeps, history)
+    after = advance(plant, commands, values, time, dt)
     carried = ca.vertcat(plant, integral, ca.vec(past))
-    following = ca.vertcat(*structure.flatten(after), *kept, ca.vec(commands))
+    following = ca.vertcat(after, *kept, ca.vec(commands))
     one = ca.Function(
         "sample",
         [carried, twist, error, grain, values, time, dt],
