@@ -10,25 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.log import Log
 from ident.sensitivity import Linearised
 from ident.signals import wheel_speeds
-
-# White noise becomes this much larger in second differences: 1 + 4 + 1.
-AMPLIFIED = 6.0
-# Median of |x| of a normal variable in standard deviations.
-MEDIAN = 0.6745
-
-
-def white_variance(log: Log, signal: np.ndarray) -> np.ndarray:
-    """(k,) variances of the white part of a signal (N, k), robust against steps."""
-    differences, start = [], 0
-    for piece in log.pieces():
-        count = len(piece.time)
-        differences.append(np.diff(signal[start : start + count], 2, axis=0))
-        start += count
-    joined = np.concatenate(differences)
-    return (np.median(np.abs(joined), axis=0) / MEDIAN) ** 2 / AMPLIFIED
+from ident.white_noise import white_variance
 
 
 def drifted(sim: Linearised, rng: np.random.Generator) -> Linearised:

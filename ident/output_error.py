@@ -1,8 +1,9 @@
 """Free-run refinement: the parameters whose simulation from the drive input alone fits best.
 
 Output error over windows (multiple shooting with measured starts) by Gauss-Newton steps of the
-linearised simulation.  Noise in the regressors does not bias it, and nonlinear parameters (delays,
-limits, Stribeck speeds) are estimated with the others.
+linearised simulation.  Noise of the velocities does not bias it, what noise of the torques does is
+taken back at the end, and nonlinear parameters (delays, limits, Stribeck speeds) are estimated with
+the others.
 """
 
 from __future__ import annotations
@@ -14,16 +15,18 @@ import numpy as np
 from scipy.linalg import null_space
 
 from ident.angle_drift import drifted
+from ident.input_noise import noisier
 from ident.jackknife import left_one_out
 from ident.log import Log
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
-from youbot_env.parameters import UNITS
+from youbot_env.parameters import UNITS, typical
 
-# Theta may move within these factors of its start; first moments within this many kg m.
+# Theta may move within these factors of its start or of what is ordinary; first moments within this
+# one.
 FACTORS = (0.02, 50.0)
-FIRST_MOMENT = 20.0
+FIRST_MOMENT = 2.0
 # Start of every window that is left out: there the noise of its first sample still shows, s.
 SETTLE = 0.5
 # Directions weaker than this share of the strongest, in equally long columns, are left alone.
@@ -34,6 +37,8 @@ TOLERANCE = 1e-6
 DAMPING = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0)
 # A simulation that runs away counts as this many spreads.
 LIMIT = 1e3
+# Bias that is taken back, in standard errors.
+LARGEST_BIAS = 4.0
 # Draws of the drift of the wheel angles.
 DRIFTS = 8
 
@@ -83,7 +88,8 @@ def refine(
         keep: (W,) for each log, the windows that are fitted; all when None.
         weights: (m,) for each log, of its outputs; ``output_weights`` when None.
         tolerance: share of the sum of squares that a step must remove to be worth another.
-        intervals: whether the covariance is wanted, which takes a while.
+        intervals: whether the covariance is wanted, and what noise of the torques does to the
+            values taken back, which takes a while.
 
     Returns:
         The refined model with its covariance.  Contrast parameters keep their mean.
@@ -92,7 +98,7 @@ def refine(
     model = starts[0]
     directions, (low, high) = free_directions(model, free), value_bounds(model)
 
-    def at(values) -> _Fit:
+    def at(values, logs: list[Log] = logs) -> _Fit:
         return _Fit.at(logs, model.with_values(np.clip(values, low, high)), window, keep, weights)
 
     now = min((at(start.values()) for start in starts), key=lambda fit: fit.cost)
@@ -111,10 +117,23 @@ def refine(
             now, converged = better or now, True
             break
         now = better
-    covariance = now.covariance(directions) if intervals else None
-    refined = replace(now.model, covariance=covariance.tolist() if intervals else None)
+    refined, covariance = now.model, None
+    if intervals:
+        covariance = now.covariance(directions)
+        values, errors = np.array(refined.values()), np.sqrt(np.diag(covariance))
+        shifts = [at(values, noisy).step(values, directions, low, high, 0.0)[0]
+                  for noisy in noisier(logs)]  # fmt: skip
+        now = at(values - _credible(np.mean(shifts, axis=0), errors)) if shifts else now
+        refined = replace(now.model, covariance=covariance.tolist())
     clusters = int(now.groups[-1]) + 1
     return OutputError(refined, covariance, clusters, (first, now.cost), converged, now.simulations)
+
+
+def _credible(bias: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """The bias (P,), shortened where it exceeds what one linear step can tell."""
+    known = errors > 0
+    largest = float(np.max(np.abs(bias[known]) / errors[known], initial=0.0))
+    return bias * min(1.0, LARGEST_BIAS / max(largest, 1e-12))
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,18 +292,24 @@ def _least_squares(columns: np.ndarray, error: np.ndarray, damping: float) -> np
 
 
 def value_bounds(
-    model: Model, factors: tuple[float, float] = FACTORS
+    model: Model, factors: tuple[float, float] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest values (P,); parameters of the robot stay within factors of theirs."""
-    start = np.array(model.values(), float)
+    """Lowest and highest values (P,) that an estimate may take.
+
+    Args:
+        model: gives names and effects, and by its mass what is ordinary for the robot.
+        factors: of the model's own values, the least and the most; when None ``FACTORS`` of these
+            or of ordinary ones, so that a start that is far off binds nothing.
+    """
+    start, ordinary = np.array(model.values(), float), typical(model.values()[0], model.platform)
     low, high = np.empty_like(start), np.empty_like(start)
     for k, name in enumerate(model.names()):
         identifier, _, flat = name.rpartition(".")
         if identifier:
             low[k], high[k] = get_effect(identifier).parameter_of(flat).bounds
         elif name in UNITS:
-            size = max(abs(start[k]), 1e-6)
-            low[k], high[k] = factors[0] * size, factors[1] * size
+            sizes = (max(abs(start[k]), 1e-6), *([] if factors else [ordinary[k]]))
+            low[k], high[k] = np.multiply(factors or FACTORS, (min(sizes), max(sizes)))
         else:
-            low[k], high[k] = -FIRST_MOMENT, FIRST_MOMENT
+            low[k], high[k] = FIRST_MOMENT * ordinary[k] * np.array([-1.0, 1.0])
     return low, high

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from ident.angle_drift import drifted, white_variance
+from ident.angle_drift import drifted
 from ident.free_run import cut_windows
+from ident.input_noise import torque_noise
 from ident.log import Log
 from ident.output_error import refine
 from ident.sensitivity import Linearised
+from ident.white_noise import white_variance
 from youbot_env.model_file import load_model
 from youbot_env.references import calibration_sequence
 from youbot_env.simulation import IDEAL, Sensors, record_closed_loop
@@ -83,6 +85,33 @@ def test_a_bad_guess_ends_at_the_same_values(noisy):
     found = refine([noisy], far, iterations=60)
     assert found.converged
     assert found.model.values() == pytest.approx(near.values(), rel=1e-3, abs=1e-4)
+
+
+def test_a_guess_that_is_at_its_end_binds_nothing(noisy):
+    values = dict(zip(NOMINAL.names(), NOMINAL.values(), strict=True))
+    tiny = NOMINAL.with_values([*(values | {"I0": 0.01, "mu1": 1e-3}).values()])
+    found, near = (refine([noisy], start, iterations=60).model for start in (tiny, NOMINAL))
+    assert found.values() == pytest.approx(near.values(), rel=1e-2)
+
+
+def test_noise_of_the_torques_is_what_the_speeds_do_not_explain(noisy):
+    assert torque_noise(noisy) == pytest.approx(Sensors().wheel_torque, rel=0.15)
+    assert np.all(torque_noise(record(PAPER, 20.0, IDEAL)) < 0.1 * Sensors().wheel_torque)
+
+
+def test_noise_of_the_torques_does_not_bias_a_dead_zone(monkeypatch):
+    truth = PAPER.with_effects({"torque_dead_zone": {"threshold": 0.1}})
+    logs = [record(truth, 30.0, Sensors(wheel_torque=0.06), seed) for seed in range(6)]
+    at = truth.names().index("torque_dead_zone.threshold")
+
+    def errors():
+        return np.array([refine([log], truth).model.values()[at] - 0.1 for log in logs])
+
+    taken_back = errors()
+    monkeypatch.setattr("ident.output_error.noisier", lambda logs: iter(()))
+    left = errors()
+    assert left.mean() > 4.0 * left.std(ddof=1) / np.sqrt(len(logs))  # else it tests nothing
+    assert abs(taken_back.mean()) < 0.3 * left.mean()
 
 
 def test_what_a_record_begins_with_is_left_out(noisy):

@@ -159,6 +159,16 @@ def from_x(x, platform: Platform) -> Theta:
     return Theta(*(float(v) / s for s, v in zip(x_scale(platform), x, strict=True)))
 
 
+def typical(mass: float, platform: Platform) -> Theta:
+    """Values of an ordinary robot of some mass, kg, to an order of magnitude.
+
+    Those at which all entries of the vector x are alike: platform and wheels carry as much inertia,
+    frictions stop the robot within a second, the centre of mass is as far off as the lever.
+    """
+    scale = x_scale(platform)
+    return Theta(*(scale.m0 * mass / factor for factor in scale))
+
+
 def lumps(x) -> dict[str, float]:
     """Combinations of x that one motion block determines well, kg m^2 and N m s.
 

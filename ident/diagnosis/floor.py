@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import null_space
 
-from ident.angle_drift import white_variance
 from ident.log import Log
 from ident.output_error import settled
 from ident.sensitivity import Linearised
+from ident.white_noise import white_variance
 
 # Mean squared contradiction of the wheels, in units of their noise, from which they disagree.
 CONTRADICTION = 2.0

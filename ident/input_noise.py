@@ -1,0 +1,66 @@
+"""Noise of the measured torques, and records with more of it.
+
+A simulation is driven by the measured torques, so their noise shakes it where the robot was not
+shaken.  Laws that are not linear (a dead zone, friction near standstill, a spring) answer to that
+with a mean of their own, and a fit of the simulation mistakes it for parameters.  The bias grows
+with the variance of the noise: as much noise once more shifts the estimates by as much again, which
+tells what to take back (simulation extrapolation, Cook and Stefanski 1994).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ident.log import Log
+from ident.signals import wheel_speeds
+from ident.white_noise import AMPLIFIED, second_differences, spread
+
+# Drawings of noise; each serves twice, with either sign, so that all but the bias cancels.
+PAIRS = 2
+# What is beyond so many spreads is a step and no noise.
+STEP = 4.0
+
+
+def noisier(logs: list[Log], pairs: int = PAIRS) -> Iterator[list[Log]]:
+    """Logs with noise as theirs added to the torques, in pairs with either sign; none without."""
+    spreads = [torque_noise(log) for log in logs]
+    if not any(np.any(spread) for spread in spreads):
+        return
+    rng = np.random.default_rng(0)
+    for _ in range(pairs):
+        noise = [s * rng.normal(size=log.command.shape) for log, s in zip(logs, spreads,
+                 strict=True)]  # fmt: skip
+        for sign in (1.0, -1.0):
+            yield [_with_noise(log, sign * n) for log, n in zip(logs, noise, strict=True)]
+
+
+def torque_noise(log: Log) -> np.ndarray:
+    """(n,) standard deviations of the noise of the measured torques, N m.
+
+    Fast changes that do not follow from the measured wheel speeds: what the wheel loops make of the
+    noise of their encoders is a torque that the robot felt.  Voltages are known as commanded.
+    """
+    if log.drive != "torque":
+        return np.zeros(log.command.shape[1])
+    torque = second_differences(log, log.command)
+    speed = second_differences(log, wheel_speeds(log))
+    return np.array([
+        _left(torque[1:, k], np.stack([speed[1:, k], speed[:-1, k]], axis=1))
+        for k in range(torque.shape[1])
+    ])  # fmt: skip
+
+
+def _left(torque: np.ndarray, speeds: np.ndarray) -> float:
+    """Spread of the white part of a torque that is no linear function of the speeds (N, 2)."""
+    usual = np.all([np.abs(x) <= STEP * spread(x) for x in (torque, *speeds.T)], axis=0)
+    if np.count_nonzero(usual) < 2 * speeds.shape[1]:
+        return 0.0
+    gain = np.linalg.lstsq(speeds[usual], torque[usual])[0]
+    return float(spread(torque - speeds @ gain) / np.sqrt(AMPLIFIED))
+
+
+def _with_noise(log: Log, noise: np.ndarray) -> Log:
+    return log if log.drive != "torque" else replace(log, wheel_torque=log.wheel_torque + noise)
