@@ -23,8 +23,7 @@ from youbot_env.effects import get_effect
 from youbot_env.model import Model
 from youbot_env.parameters import UNITS, typical
 
-# Theta may move within these factors of its start or of what is ordinary; first moments within this
-# one.
+# Theta may move within these factors of what is ordinary; first moments within this one.
 FACTORS = (0.02, 50.0)
 FIRST_MOMENT = 2.0
 # Start of every window that is left out: there the noise of its first sample still shows, s.
@@ -298,8 +297,8 @@ def value_bounds(
 
     Args:
         model: gives names and effects, and by its mass what is ordinary for the robot.
-        factors: of the model's own values, the least and the most; when None ``FACTORS`` of these
-            or of ordinary ones, so that a start that is far off binds nothing.
+        factors: of the model's own values, the least and the most; when None ``FACTORS`` of
+            ordinary ones, widened so that a start that is far off binds nothing.
     """
     start, ordinary = np.array(model.values(), float), typical(model.values()[0], model.platform)
     low, high = np.empty_like(start), np.empty_like(start)
@@ -308,8 +307,11 @@ def value_bounds(
         if identifier:
             low[k], high[k] = get_effect(identifier).parameter_of(flat).bounds
         elif name in UNITS:
-            sizes = (max(abs(start[k]), 1e-6), *([] if factors else [ordinary[k]]))
-            low[k], high[k] = np.multiply(factors or FACTORS, (min(sizes), max(sizes)))
+            size = max(abs(start[k]), 1e-6)
+            low[k], high[k] = np.multiply(factors or FACTORS, size)
+            if factors is None:
+                low[k] = min(size, FACTORS[0] * ordinary[k])
+                high[k] = max(high[k], FACTORS[1] * ordinary[k])
         else:
             low[k], high[k] = FIRST_MOMENT * ordinary[k] * np.array([-1.0, 1.0])
     return low, high

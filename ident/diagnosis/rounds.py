@@ -24,6 +24,9 @@ SIGNIFICANT = 0.05
 # What acts in a few moments only cannot be significant by the signs of many; removing this share of
 # the squared error where it was not fitted is evidence enough.
 OVERWHELMING = 0.5
+# Times that were left out do not foretell what changes with time: where that removes this share of
+# the squared error that it is fitted to, the share counts as its gain.
+CHANGING = 0.2
 # Estimates may miss a bound by this share of the typical size.
 SLACK = 0.25
 # Where more than this share of the error that noise does not explain would be left, something
@@ -54,7 +57,9 @@ class Round:
         simulations: each simulated with the model.
         evidence: about every trial.
         generic: dependences that compete with them.
-        gains, p: of each.
+        gains: share of the squared error that each removes where it was not fitted; of what changes
+            with time see ``CHANGING``.
+        p: of each.
         origin: mean squared scaled error, with what every robot has explained, of which an effect
             must remove a part.
         unexplained: the same before anything was explained, for generic dependences.
@@ -87,7 +92,7 @@ class Round:
         model, log = simulations[0].model, parts[0].log
         with np.errstate(all="ignore"):
             evidence = Evidence.of(parts, list(simulations), trials(model, log), [])
-        gains = np.array([evidence.gain(k) for k in range(len(evidence.columns))])
+        gains = np.array([_gain(evidence, k) for k in range(len(evidence.columns))])
         floor = noise_floor(simulations[0], parts[0].weights)[0]
         p = evidence.p_values(seed)[1]
         loss = window_losses(parts, simulations)
@@ -155,12 +160,16 @@ class Round:
         return sorted(best.values(), key=lambda k: -self.gains[k])
 
     def _better_form(self, number: int, old: int) -> bool:
-        """Compare two forms of an effect that pass, by gain unless one fits incomparably better."""
+        """Compare two forms of an effect that pass.
+
+        Forms of equally many parameters by what they explain where they are fitted; one of single
+        wheels by its gain elsewhere, unless one fits incomparably better.
+        """
         left = [1.0 - self.evidence.explained(k) for k in (number, old)]
-        if min(left) < INCOMPARABLY * max(left):
+        split = self.trial(number).per_wheel - self.trial(old).per_wheel
+        if not split or min(left) < INCOMPARABLY * max(left):
             return left[0] < left[1]
-        handicap = SPLIT * (self.trial(number).per_wheel - self.trial(old).per_wheel)
-        return bool(self.gains[number] > self.gains[old] + handicap)
+        return bool(self.gains[number] > self.gains[old] + SPLIT * split)
 
     def choose(self, present: Candidate | None = None) -> list[Candidate]:
         """The group that fits best, refined; empty where nothing passes.
@@ -268,3 +277,11 @@ class Round:
     def _gain_of(self, found: Candidate) -> float:
         fitted = self.evidence.role == FIT
         return 1.0 - found.loss[fitted].mean() / self.error
+
+
+def _gain(evidence: Evidence, number: int) -> float:
+    gain = evidence.gain(number)
+    if not evidence.trials[number].effect.needs_time:
+        return gain
+    explained = evidence.explained(number)
+    return max(gain, explained) if explained > CHANGING else gain
