@@ -19,6 +19,7 @@ from ident.input_noise import noisier
 from ident.jackknife import left_one_out
 from ident.log import Log
 from ident.sensitivity import Linearised
+from youbot_env.dynamics import Theta
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
 from youbot_env.parameters import UNITS, typical
@@ -34,6 +35,8 @@ WEAK = 1e-6
 TOLERANCE = 1e-6
 # Levenberg and Marquardt, in columns of unit length: tried one after the other until one helps.
 DAMPING = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0)
+# Speeds and times in which a law is not linear change by at most this factor in one step.
+NEARBY = 2.0
 # A simulation that runs away counts as this many spreads.
 LIMIT = 1e3
 # Bias that is taken back, in standard errors.
@@ -101,14 +104,14 @@ def refine(
         return _Fit.at(logs, model.with_values(np.clip(values, low, high)), window, keep, weights)
 
     now = min((at(start.values()) for start in starts), key=lambda fit: fit.cost)
-    first, converged, gentlest = now.cost, False, 0
+    first, converged, gentlest, curved = now.cost, False, 0, _curved(model)
     for _ in range(iterations):
         values, better = np.array(now.model.values()), None
         for level in range(gentlest, len(DAMPING)):
             step, promised = now.step(values, directions, low, high, DAMPING[level])
             if promised < tolerance * now.cost:
                 break  # dampening promises even less
-            trial = at(values + step)
+            trial = at(np.where(curved, np.clip(values + step, *_nearby(values)), values + step))
             if trial.cost < now.cost:
                 better, gentlest = trial, max(level - 1, 0)  # much gentler would fail again
                 break
@@ -126,6 +129,19 @@ def refine(
         refined = replace(now.model, covariance=covariance.tolist())
     clusters = int(now.groups[-1]) + 1
     return OutputError(refined, covariance, clusters, (first, now.cost), converged, now.simulations)
+
+
+def _curved(model: Model) -> np.ndarray:
+    """(P,) whether a law bends so much in a value that a step of it must stay near."""
+    found = [False] * len(Theta._fields)
+    for active in model.effects:
+        parameters = [active.effect.parameter_of(name) for name in active.values]
+        found += [not p.linear and p.bounds[0] > 0 for p in parameters]
+    return np.array(found)
+
+
+def _nearby(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return values / NEARBY, values * NEARBY
 
 
 def _credible(bias: np.ndarray, errors: np.ndarray) -> np.ndarray:

@@ -41,7 +41,7 @@ RECENT = 16
 DRIVE = ("drive", "delay")
 # Largest step of a simulation, in units of the fastest time constant: what is lost is far below the
 # noise of a log.
-COARSE = 1.6
+COARSE = 2.0
 
 
 def window_length(log: Log) -> float:

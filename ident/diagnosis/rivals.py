@@ -25,10 +25,10 @@ FEIGNED = (0.3, 0.15)
 # Independent errors in a window, for Schwarz's criterion: they remember each other some tenths of
 # a second.
 EACH = 8
-# Gauss-Newton steps of a refinement; the start is close.
-STEPS = 8
+# Steps of a refinement: where an effect was added the start is close, where one was taken away not.
+STEPS, PATIENT = 8, 16
 # What a step removes when it was the last one worth taking; less care suffices to compare effects.
-TOLERANCE, ROUGH, FINE = 1e-5, 1e-4, 1e-6
+TOLERANCE, ROUGH, FINE = 1e-5, 1e-3, 1e-6
 # Values without a derivative: looks, and how close to come, as a share of the search range.
 LOOKS, CLOSE = 9, 0.002
 
@@ -58,13 +58,18 @@ class Candidate:
         """Whether the effect delays the drive input."""
         effect = get_effect(self.identifier)
         return effect.acts("delay") or math.isfinite(
-            effect.time_constant(effect.arrange(self.model.effects[-1].values, self.model.platform))
+            effect.time_constant(effect.arrange(self.values, self.model.platform))
         )
 
     @property
     def model(self) -> Model:
         """The model with the effect."""
         return self.refined.model
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Values of the effect."""
+        return next(a.values for a in self.model.effects if a.identifier == self.identifier)
 
 
 def window_losses(parts: list[Part], simulations) -> np.ndarray:
@@ -107,13 +112,13 @@ class Refits:
 
     def __init__(self, parts: list[Part]):
         self.parts = parts
-        self._known: dict[tuple, tuple[OutputError, tuple]] = {}
+        self._known: dict[frozenset, tuple[OutputError, tuple]] = {}
 
     def of(self, model: Model) -> tuple[OutputError, tuple]:
         """As ``refit``; the values of ``model`` only matter where they are not refined."""
         key = self._key(model)
         if key not in self._known:
-            self._known[key] = refit(self.parts, model)
+            self._known[key] = refit(self.parts, model, PATIENT)
         return self._known[key]
 
     def remember(self, found: Candidate) -> None:
@@ -127,8 +132,8 @@ class Refits:
             self._known[key] = refit(self.parts, refined.model, intervals=True, tolerance=FINE)
         return self._known[key][0].model
 
-    def _key(self, model: Model) -> tuple:
-        return tuple(
+    def _key(self, model: Model) -> frozenset:
+        return frozenset(
             (a.identifier, tuple(a.values), tuple(v for n, v in a.values.items()
              if not a.effect.parameter_of(n).smooth))
             for a in model.effects

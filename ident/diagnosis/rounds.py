@@ -162,12 +162,13 @@ class Round:
     def _better_form(self, number: int, old: int) -> bool:
         """Compare two forms of an effect that pass.
 
-        Forms of equally many parameters by what they explain where they are fitted; one of single
-        wheels by its gain elsewhere, unless one fits incomparably better.
+        Equally many parameters are judged by what they explain where they are fitted, unless
+        rollers may feign it.  Otherwise the gain elsewhere counts, unless one fits incomparably
+        better.
         """
         left = [1.0 - self.evidence.explained(k) for k in (number, old)]
         split = self.trial(number).per_wheel - self.trial(old).per_wheel
-        if not split or min(left) < INCOMPARABLY * max(left):
+        if (self.wheels_agree and not split) or min(left) < INCOMPARABLY * max(left):
             return left[0] < left[1]
         return bool(self.gains[number] > self.gains[old] + SPLIT * split)
 

@@ -119,10 +119,9 @@ class Search:
 
     def _again(self, step: Step, rest: Model) -> Candidate:
         """The effect of a step refined once more, on top of all the others."""
-        best = step.best
-        values = next(a.values for a in best.model.effects if a.identifier == best.identifier)
-        kept = {a.identifier: a.values for a in rest.effects}
-        refined, simulations = self.fits.of(rest.with_effects({**kept, best.identifier: values}))
+        best, kept = step.best, {a.identifier: a.values for a in rest.effects}
+        both = rest.with_effects({**kept, best.identifier: best.values})
+        refined, simulations = self.fits.of(both)
         loss = window_losses(self.parts, simulations)
         return replace(best, refined=refined, simulations=simulations, loss=loss)
 

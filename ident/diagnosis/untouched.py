@@ -19,7 +19,7 @@ from youbot_env.model import Model
 
 DRAWS = 2000
 # Squared error beyond that of noise, in units of the latter, that noise is no excuse for.
-CLEAR = 2.0
+CLEAR = 0.3
 
 
 @dataclass(frozen=True)
