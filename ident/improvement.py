@@ -11,10 +11,11 @@ from scipy.special import stdtrit
 
 from ident.diagnosis.parts import FIT, Part
 from ident.diagnosis.verdict import Diagnosis, diagnose
+from ident.free_values import free_directions
 from ident.log import Log
 from ident.observability import parameter_sizes
-from ident.output_error import free_directions, settled
 from ident.quantities import Quantity, annotated, quantities
+from ident.scaled_fit import settled
 from ident.seen import Seen
 from ident.sensitivity import Linearised
 from youbot_env.model import Model

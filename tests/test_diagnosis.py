@@ -22,7 +22,8 @@ from ident.diagnosis.parts import FIT, SELECT, VERIFY, divide
 from ident.diagnosis.rivals import refit
 from ident.diagnosis.trials import trials
 from ident.log import Log
-from ident.output_error import refine, scaled_error
+from ident.output_error import refine
+from ident.scaled_fit import scaled_error
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import ActiveEffect

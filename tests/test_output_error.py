@@ -58,7 +58,7 @@ def test_intervals_know_that_integrated_angles_drift(monkeypatch):
 
     known = sigma(found.covariance)
     assert abs(turn @ error) < 3.0 * known
-    monkeypatch.setattr("ident.output_error.drifted", lambda sim, rng: sim)
+    monkeypatch.setattr("ident.scaled_fit.drifted", lambda sim, rng: sim)
     assert known > 1.5 * sigma(refine([log], found.model, iterations=1).covariance)
 
 

@@ -20,7 +20,7 @@ from ident.diagnosis.reduced import Reduced
 from ident.diagnosis.rows import averaged, score, stretches
 from ident.diagnosis.significance import wild_p_values
 from ident.diagnosis.trials import Trial
-from ident.output_error import free_directions, value_bounds
+from ident.free_values import free_directions, value_bounds
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ident.diagnosis.menu import FOLDER, SECONDS, menu
+from ident.free_values import free_directions
 from ident.log import Log
-from ident.output_error import free_directions, output_weights, settled
+from ident.scaled_fit import output_weights, settled
 from ident.sensitivity import COARSE, Linearised
 from youbot_env.model import Model
 from youbot_env.references import Reference

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from ident.log import Log
-from ident.output_error import settled
+from ident.scaled_fit import settled
 from ident.sensitivity import Linearised
 from ident.white_noise import white_variance
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ident.free_run import cut_windows
 from ident.log import Log
-from ident.output_error import output_weights, settled
+from ident.scaled_fit import output_weights, settled
 from ident.sensitivity import Linearised, window_length
 from youbot_env.model import Model
 

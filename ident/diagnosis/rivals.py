@@ -12,7 +12,8 @@ from scipy.optimize import minimize_scalar
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.parts import FIT, SELECT, VERIFY, Part
 from ident.diagnosis.trials import brackets
-from ident.output_error import OutputError, refine, scaled_error
+from ident.output_error import OutputError, refine
+from ident.scaled_fit import scaled_error
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import Model

@@ -1,0 +1,156 @@
+"""Free-run errors of logs at one set of values, steps that lower them, and how sure those are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ident.angle_drift import drifted
+from ident.free_values import FreeValues
+from ident.jackknife import left_one_out
+from ident.log import Log
+from ident.sensitivity import Linearised
+from youbot_env.model import Model
+
+# Start of every window that is left out: there the noise of its first sample still shows, s.
+SETTLE = 0.5
+# Directions weaker than this share of the strongest, in equally long columns, are left alone.
+WEAK = 1e-6
+# A simulation that runs away counts as this many spreads.
+LIMIT = 1e3
+# Draws of the drift of the wheel angles.
+DRIFTS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledFit:
+    """Scaled errors of all logs at one set of values.
+
+    Attributes:
+        model: has the values.
+        simulations: each log simulated with it.
+        error: (N,) settled free-run errors of the windows that are fitted, weighted.
+        groups: (N,) number of the window of each.
+        keep: (W,) for each log, the windows that are fitted.
+        weights: (m,) for each log, of its outputs.
+    """
+
+    model: Model
+    simulations: tuple[Linearised, ...]
+    error: np.ndarray
+    groups: np.ndarray
+    keep: tuple[np.ndarray, ...]
+    weights: tuple[np.ndarray, ...]
+
+    @classmethod
+    def at(
+        cls, logs: list[Log], model: Model, window: float | None, keep=None, weights=None
+    ) -> ScaledFit:
+        """Simulate logs; arguments as ``output_error.refine`` has them."""
+        weights = tuple(weights or map(output_weights, logs))
+        simulations = tuple(Linearised.of(log, model, window) for log in logs)
+        keep = tuple(keep or [np.ones(sim.shape[0], bool) for sim in simulations])
+        parts, groups, count = [], [], 0
+        for sim, kept, weight in zip(simulations, keep, weights, strict=True):
+            error = scaled_error(sim, weight)[kept]
+            parts.append(error.ravel())
+            groups.append(count + np.repeat(np.arange(len(error)), error[0].size))
+            count += len(error)
+        return cls(model, simulations, np.concatenate(parts), np.concatenate(groups), keep,
+                   weights)  # fmt: skip
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of squares."""
+        return 0.5 * float(self.error @ self.error)
+
+    def columns(self, free: FreeValues) -> np.ndarray:
+        """(N, M) derivatives of what is simulated by the values that move."""
+        key = tuple(free.moving)
+        if key not in self._made:
+            parts = []
+            for sim, kept, weight in zip(self.simulations, self.keep, self.weights, strict=True):
+                columns = settled(sim, sim.value_columns(free.moving) * weight[:, None])[kept]
+                parts.append(np.nan_to_num(columns.reshape(-1, columns.shape[-1])))
+            self._made[key] = np.concatenate(parts)
+        return self._made[key]
+
+    @cached_property
+    def _made(self) -> dict[tuple, np.ndarray]:
+        return {}
+
+    def step(self, free: FreeValues, damping: float) -> tuple[np.ndarray, float]:
+        """Damped Gauss-Newton step (P,), and how much lower it promises the cost to be.
+
+        Values at a bound do not push against it.
+        """
+        values, moving, columns = np.array(self.model.values()), free.moving, self.columns(free)
+        held = np.zeros(len(values), bool)
+        for _ in range(3):
+            basis = free.directions[:, ~np.any(free.directions[held] != 0, axis=0)]
+            step = basis @ _least_squares(columns @ basis[moving], self.error, damping)
+            out = ((values <= free.low) & (step < 0)) | ((values >= free.high) & (step > 0))
+            if not np.any(out & ~held):
+                break
+            held |= out
+        left = self.error - columns @ step[moving]
+        return step, self.cost - 0.5 * float(left @ left)
+
+    def covariance(self, free: FreeValues) -> np.ndarray:
+        """(P, P) from the scatter between windows and the drift of wheel angles."""
+        basis = free.directions
+        columns = self.columns(free) @ basis[free.moving]
+        found = left_one_out(columns, self.error, self.groups, basis)
+        # What every robot has is no answer, and its own sizes hardly depend on the drift.
+        if any(a.effect.needs_wheel_angle and not a.effect.background for a in self.model.effects):
+            scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+            drifts = np.linalg.lstsq(columns / scale, self._drifts(), rcond=WEAK)[0]
+            drifts = basis / scale @ drifts
+            found = found + drifts @ drifts.T / DRIFTS
+        return found
+
+    def _drifts(self) -> np.ndarray:
+        """(N, DRIFTS) changes of the errors when the wheel angles are as wrong as they may be."""
+        rng, changes = np.random.default_rng(0), []
+        for _ in range(DRIFTS):
+            other = [drifted(sim, rng) for sim in self.simulations]
+            error = [
+                scaled_error(sim, weight)[kept].ravel()
+                for sim, weight, kept in zip(other, self.weights, self.keep, strict=True)
+            ]
+            changes.append(np.concatenate(error) - self.error)
+        return np.stack(changes, axis=1)
+
+
+def scaled_error(sim: Linearised, weights: np.ndarray) -> np.ndarray:
+    """(W, l, m) settled free-run errors, weighted."""
+    error = settled(sim, sim.residual * weights)
+    return np.clip(np.nan_to_num(error, nan=LIMIT), -LIMIT, LIMIT)
+
+
+def settled(sim: Linearised, values: np.ndarray) -> np.ndarray:
+    """Samples (W, l, ...) of each window after its start has settled."""
+    length = values.shape[1]
+    return values[:, min(round(SETTLE / sim.log.dt), length // 3) :]
+
+
+def output_weights(log: Log) -> np.ndarray:
+    """(m,) reciprocal spreads of the outputs; wheels share one, they are one kind of sensor."""
+    if log.body_velocity is None:
+        spread = np.full(log.wheel_velocity.shape[1], log.wheel_velocity.std())
+    else:
+        spread = log.body_velocity.std(axis=0)
+    return 1.0 / np.maximum(spread, 1e-6)
+
+
+def _least_squares(columns: np.ndarray, error: np.ndarray, damping: float) -> np.ndarray:
+    scale = np.linalg.norm(columns, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    columns = columns / scale
+    if damping:
+        width = columns.shape[1]
+        columns = np.concatenate([columns, np.sqrt(damping) * np.eye(width)])
+        error = np.concatenate([error, np.zeros(width)])
+    return np.linalg.lstsq(columns, error, rcond=WEAK)[0] / scale
