@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ident.diagnosis.evidence import Evidence
+from ident.diagnosis.shortlist import SLACK
 
 # A pair must leave at most this share of what the best single effect leaves where it was not
 # fitted, and neither half may be able to do without the other.
@@ -71,8 +72,6 @@ def _promising(evidence: Evidence) -> list[tuple[int, int]]:
 
 
 def _sensible(evidence: Evidence, *pair: int) -> bool:
-    from ident.diagnosis.rounds import SLACK
-
     return all(
         evidence.trials[one].possible(evidence.coefficients(one, beside=other), SLACK)
         for one, other in (pair, pair[::-1])

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
-if TYPE_CHECKING:
-    from ident.diagnosis.rounds import Round
+from ident.diagnosis.rounds import Round
+from ident.diagnosis.shortlist import LEAST_GAIN, SIGNIFICANT
 
 # Power at which a size counts as detectable.
 POWER = 0.8
@@ -68,8 +68,6 @@ def reach(found: Round) -> tuple[Reach, ...]:
 
 
 def _of(found: Round, number: int) -> Reach | None:
-    from ident.diagnosis.rounds import LEAST_GAIN, SIGNIFICANT
-
     evidence, trial = found.evidence, found.trial(number)
     coefficients, scatter = evidence.coefficients(number), evidence.scatter(number)
     mixed = trial.mix * trial.units[:, None]

@@ -13,39 +13,17 @@ from ident.diagnosis.floor import noise_floor, wheels_agree
 from ident.diagnosis.pairs import best_pair
 from ident.diagnosis.parts import FIT, SELECT, Part
 from ident.diagnosis.rivals import Candidate, candidate, ranked, window_losses
+from ident.diagnosis.shortlist import LEAST_GAIN, SIGNIFICANT, Shortlist, gain_of
 from ident.diagnosis.trials import Trial, trials
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
 
-# Share of the squared free-run error that an effect must remove where it was not fitted.  Robots
-# with real rollers and nothing hidden feign up to 4 %.
-LEAST_GAIN = 0.06
-SIGNIFICANT = 0.05
-# What acts in a few moments only cannot be significant by the signs of many; removing this share of
-# the squared error where it was not fitted is evidence enough.
-OVERWHELMING = 0.5
-# Times that were left out do not foretell what changes with time: where that removes this share of
-# the squared error that it is fitted to, the share counts as its gain.
-CHANGING = 0.2
-# Estimates may miss a bound by this share of the typical size.
-SLACK = 0.25
-# Where more than this share of the error that noise does not explain would be left, something
-# unknown prevails, and only effects of at least this share of their typical size are believed.
-PREVAILING, SIZEABLE = 0.5, 0.5
-# Refined are trials with at least this share of the best gain, and at most so many effects.
-WORTH, MOST = 0.4, 5
-# Also refined are trials that explain this share of what the best explains where it is fitted.
-AS_WELL = 0.85
 # A dependence that removes this share of the error while no effect passes, or that leaves less
 # than this share of what the best effect leaves, shows that something else is missing.
 TELLING, OUTSIDE = 0.15, 0.6
 # Where the wheels agree with each other: errors from this many times the noise on are not noise,
 # and effects that leave more than this share of such an error are not what is missing.
 UNEXPLAINED, REMAINDER = 3.0, 0.3
-# A trial of single wheels must gain this much more than one of all alike.
-SPLIT = 0.02
-# A form that leaves less than this share of what another one leaves is the better one anyway.
-INCOMPARABLY = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +35,7 @@ class Round:
         simulations: each simulated with the model.
         evidence: about every trial.
         generic: dependences that compete with them.
-        gains: share of the squared error that each removes where it was not fitted; of what changes
-            with time see ``CHANGING``.
-        p: of each.
+        gains, p: of each.
         origin: mean squared scaled error, with what every robot has explained, of which an effect
             must remove a part.
         unexplained: the same before anything was explained, for generic dependences.
@@ -92,7 +68,7 @@ class Round:
         model, log = simulations[0].model, parts[0].log
         with np.errstate(all="ignore"):
             evidence = Evidence.of(parts, list(simulations), trials(model, log), [])
-        gains = np.array([_gain(evidence, k) for k in range(len(evidence.columns))])
+        gains = np.array([gain_of(evidence, k) for k in range(len(evidence.columns))])
         floor = noise_floor(simulations[0], parts[0].weights)[0]
         p = evidence.p_values(seed)[1]
         loss = window_losses(parts, simulations)
@@ -104,6 +80,12 @@ class Round:
     def wheels_agree(self) -> bool:
         """Whether the wheels rule out that rollers and slip leave an error."""
         return wheels_agree(self.parts[0].log)
+
+    @cached_property
+    def shortlist(self) -> Shortlist:
+        """The trials, judged."""
+        return Shortlist(self.evidence, self.gains, self.p, self.error, self.floor, self.origin,
+                         self.wheels_agree)  # fmt: skip
 
     @property
     def model(self) -> Model:
@@ -126,51 +108,7 @@ class Round:
 
     def background(self) -> int | None:
         """The best trial of an effect that every robot has some of, if one passes."""
-        if self.wheels_agree:
-            return None
-        passing = [
-            k for k in self._admissible() if self._gained(k) and self.trial(k).effect.background
-        ]
-        return max(passing, key=lambda k: self.gains[k]) if passing else None
-
-    def worth_refining(self) -> list[int]:
-        """Trials that pass, and those that fit as well as the best of them; best first."""
-        passing = [k for k in self._admissible() if self._gained(k) and self._named(k)]
-        found = self._best_forms(passing)
-        if not found:
-            return []
-        explained = self.evidence.explained
-        least = AS_WELL * explained(found[0])
-        known = {self.trial(k).identifier for k in found}
-        rivals = [
-            k
-            for k in self._admissible()
-            if self._named(k) and self.trial(k).identifier not in known and explained(k) > least
-        ]
-        worth = [k for k in found if self.gains[k] >= WORTH * self.gains[found[0]]]
-        return (worth + self._best_forms(rivals))[:MOST]
-
-    def _best_forms(self, numbers: list[int]) -> list[int]:
-        """The best form of each effect, best first."""
-        best: dict[str, int] = {}
-        for k in numbers:
-            old = best.get(self.trial(k).identifier)
-            if old is None or self._better_form(k, old):
-                best[self.trial(k).identifier] = k
-        return sorted(best.values(), key=lambda k: -self.gains[k])
-
-    def _better_form(self, number: int, old: int) -> bool:
-        """Compare two forms of an effect that pass.
-
-        Equally many parameters are judged by what they explain where they are fitted, unless
-        rollers may feign it.  Otherwise the gain elsewhere counts, unless one fits incomparably
-        better.
-        """
-        left = [1.0 - self.evidence.explained(k) for k in (number, old)]
-        split = self.trial(number).per_wheel - self.trial(old).per_wheel
-        if (self.wheels_agree and not split) or min(left) < INCOMPARABLY * max(left):
-            return left[0] < left[1]
-        return bool(self.gains[number] > self.gains[old] + SPLIT * split)
+        return None if self.wheels_agree else self.shortlist.background()
 
     def choose(self, present: Candidate | None = None) -> list[Candidate]:
         """The group that fits best, refined; empty where nothing passes.
@@ -178,7 +116,7 @@ class Round:
         Args:
             present: an effect that was chosen before and has to be beaten.
         """
-        found = [candidate(self.parts, self.evidence, k) for k in self.worth_refining()]
+        found = [candidate(self.parts, self.evidence, k) for k in self.shortlist.worth_refining()]
         found = [c for c in found if c is not None and self.helps(c)]
         if present is not None and present.identifier not in {c.identifier for c in found}:
             found.append(present)
@@ -201,24 +139,6 @@ class Round:
         if not group:
             return self.excess
         return float(group[0].loss[self.evidence.role == FIT].mean()) - self.floor
-
-    def credible(self, number: int) -> bool:
-        """Tell whether a trial is large enough for what would still be unexplained with it."""
-        unexplained = self.error - self.floor
-        left = (1.0 - self.evidence.explained(number)) * self.error - self.floor
-        if left <= PREVAILING * unexplained:
-            return True
-        return self.relative_size(number) >= SIZEABLE
-
-    def relative_size(self, number: int) -> float:
-        """Largest estimated size of a trial in units of the typical one."""
-        trial = self.trial(number)
-        values = trial.values(self.evidence.coefficients(number))
-        return max(
-            abs(value / trial.effect.parameter_of(name).default)
-            for name, value in values.items()
-            if trial.effect.parameter_of(name).default
-        )
 
     def dependences(self) -> list[tuple[str, float]]:
         """Signals that a generic dependence is found on, and its gain, strongest first."""
@@ -258,31 +178,6 @@ class Round:
             found.loss[k].mean() < (1 - 0.5 * LEAST_GAIN) * self.loss[k].mean() for k in kinds
         )
 
-    def _admissible(self) -> list[int]:
-        """Trials that are significant with sizes that are possible."""
-        return [
-            k
-            for k, trial in enumerate(self.evidence.trials)
-            if (self.p[k] < SIGNIFICANT or self.gains[k] > OVERWHELMING)
-            and trial.possible(self.evidence.coefficients(k), SLACK)
-        ]
-
-    def _gained(self, number: int) -> bool:
-        """Tell whether it removes enough: of what is left, or of all where rollers may feign it."""
-        share = 1.0 if self.wheels_agree else min(1.0, self.error / self.origin)
-        return self.gains[number] * share > LEAST_GAIN
-
-    def _named(self, number: int) -> bool:
-        return not self.trial(number).effect.background and self.credible(number)
-
     def _gain_of(self, found: Candidate) -> float:
         fitted = self.evidence.role == FIT
         return 1.0 - found.loss[fitted].mean() / self.error
-
-
-def _gain(evidence: Evidence, number: int) -> float:
-    gain = evidence.gain(number)
-    if not evidence.trials[number].effect.needs_time:
-        return gain
-    explained = evidence.explained(number)
-    return max(gain, explained) if explained > CHANGING else gain

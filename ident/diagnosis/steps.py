@@ -9,7 +9,7 @@ from scipy.special import stdtrit
 
 from ident.diagnosis.parts import FIT, SELECT
 from ident.diagnosis.rivals import Candidate, Refits, window_losses
-from ident.diagnosis.rounds import LEAST_GAIN
+from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.output_error import OutputError
 from ident.quantities import Quantity
 from youbot_env.effects import get_effect

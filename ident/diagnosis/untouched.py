@@ -10,7 +10,7 @@ import numpy as np
 from ident.diagnosis.floor import noise_floor
 from ident.diagnosis.parts import FEWEST, VERIFY, Part
 from ident.diagnosis.rivals import Refits
-from ident.diagnosis.rounds import LEAST_GAIN
+from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, with_steps, without
 from ident.free_run import free_run
 from ident.output_error import OutputError

@@ -13,8 +13,9 @@ from ident.diagnosis.fitness import unfit
 from ident.diagnosis.parts import divide, weigh
 from ident.diagnosis.power import Reach, reach
 from ident.diagnosis.rivals import refit
-from ident.diagnosis.rounds import LEAST_GAIN, REMAINDER, UNEXPLAINED, Round
+from ident.diagnosis.rounds import REMAINDER, UNEXPLAINED, Round
 from ident.diagnosis.search import search
+from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, chain_of
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
 from ident.log import Log

@@ -7,7 +7,7 @@ import numpy as np
 from ident.comparison import compare
 from ident.diagnosis.experiment import CERTAIN
 from ident.diagnosis.power import POWER, Reach
-from ident.diagnosis.rounds import LEAST_GAIN
+from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.verdict import Diagnosis
 from ident.log import Log
 from ident.physical import invisible

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ident.comparison import Comparison
 from ident.diagnosis.parts import VERIFY, Part
-from ident.diagnosis.rounds import LEAST_GAIN
+from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.verdict import Diagnosis
 from ident.free_run import FreeRun, free_run
 from ident.report import compare_where, motion

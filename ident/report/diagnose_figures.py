@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ident.diagnosis.power import POWER, Reach
-from ident.diagnosis.rounds import LEAST_GAIN, OVERWHELMING, SIGNIFICANT
+from ident.diagnosis.shortlist import LEAST_GAIN, OVERWHELMING, SIGNIFICANT
 from ident.diagnosis.untouched import FreeRunErrors
 from ident.improvement import LUMPS
 from ident.quantities import Quantity

@@ -1,0 +1,153 @@
+"""Which of the trials pass, and which of them are worth refining."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.diagnosis.evidence import Evidence
+from ident.diagnosis.trials import Trial
+
+# Share of the squared free-run error that an effect must remove where it was not fitted.  Robots
+# with real rollers and nothing hidden feign up to 4 %.
+LEAST_GAIN = 0.06
+SIGNIFICANT = 0.05
+# What acts in a few moments only cannot be significant by the signs of many; removing this share of
+# the squared error where it was not fitted is evidence enough.
+OVERWHELMING = 0.5
+# Times that were left out do not foretell what changes with time: where that removes this share of
+# the squared error that it is fitted to, the share counts as its gain.
+CHANGING = 0.2
+# Estimates may miss a bound by this share of the typical size.
+SLACK = 0.25
+# Where more than this share of the error that noise does not explain would be left, something
+# unknown prevails, and only effects of at least this share of their typical size are believed.
+PREVAILING, SIZEABLE = 0.5, 0.5
+# Refined are trials with at least this share of the best gain, and at most so many effects.
+WORTH, MOST = 0.4, 5
+# Also refined are trials that explain this share of what the best explains where it is fitted.
+AS_WELL = 0.85
+# A trial of single wheels must gain this much more than one of all alike.
+SPLIT = 0.02
+# A form that leaves less than this share of what another one leaves is the better one anyway.
+INCOMPARABLY = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Shortlist:
+    """Trials judged by what they gain.
+
+    Attributes:
+        evidence: about every trial.
+        gains, p: of each.
+        error: mean squared scaled error of the fitted windows.
+        floor: what noise explains of it.
+        origin: the error of which an effect must remove a part.
+        wheels_agree: whether the wheels rule out that rollers and slip leave an error.
+    """
+
+    evidence: Evidence
+    gains: np.ndarray
+    p: np.ndarray
+    error: float
+    floor: float
+    origin: float
+    wheels_agree: bool
+
+    def background(self) -> int | None:
+        """The best trial of an effect that every robot has some of, if one passes."""
+        passing = [
+            k for k in self._admissible() if self._gained(k) and self.trial(k).effect.background
+        ]
+        return max(passing, key=lambda k: self.gains[k]) if passing else None
+
+    def worth_refining(self) -> list[int]:
+        """Trials that pass, and those that fit as well as the best of them; best first."""
+        passing = [k for k in self._admissible() if self._gained(k) and self._named(k)]
+        found = self._best_forms(passing)
+        if not found:
+            return []
+        explained = self.evidence.explained
+        least = AS_WELL * explained(found[0])
+        known = {self.trial(k).identifier for k in found}
+        rivals = [
+            k
+            for k in self._admissible()
+            if self._named(k) and self.trial(k).identifier not in known and explained(k) > least
+        ]
+        worth = [k for k in found if self.gains[k] >= WORTH * self.gains[found[0]]]
+        return (worth + self._best_forms(rivals))[:MOST]
+
+    def _best_forms(self, numbers: list[int]) -> list[int]:
+        """The best form of each effect, best first."""
+        best: dict[str, int] = {}
+        for k in numbers:
+            old = best.get(self.trial(k).identifier)
+            if old is None or self._better_form(k, old):
+                best[self.trial(k).identifier] = k
+        return sorted(best.values(), key=lambda k: -self.gains[k])
+
+    def _better_form(self, number: int, old: int) -> bool:
+        """Compare two forms of an effect that pass.
+
+        Equally many parameters are judged by what they explain where they are fitted, unless
+        rollers may feign it.  Otherwise the gain elsewhere counts, unless one fits incomparably
+        better.
+        """
+        left = [1.0 - self.evidence.explained(k) for k in (number, old)]
+        split = self.trial(number).per_wheel - self.trial(old).per_wheel
+        if (self.wheels_agree and not split) or min(left) < INCOMPARABLY * max(left):
+            return left[0] < left[1]
+        return bool(self.gains[number] > self.gains[old] + SPLIT * split)
+
+    def credible(self, number: int) -> bool:
+        """Tell whether a trial is large enough for what would still be unexplained with it."""
+        unexplained = self.error - self.floor
+        left = (1.0 - self.evidence.explained(number)) * self.error - self.floor
+        if left <= PREVAILING * unexplained:
+            return True
+        return self.relative_size(number) >= SIZEABLE
+
+    def relative_size(self, number: int) -> float:
+        """Largest estimated size of a trial in units of the typical one."""
+        trial = self.trial(number)
+        values = trial.values(self.evidence.coefficients(number))
+        return max(
+            abs(value / trial.effect.parameter_of(name).default)
+            for name, value in values.items()
+            if trial.effect.parameter_of(name).default
+        )
+
+    def _admissible(self) -> list[int]:
+        """Trials that are significant with sizes that are possible."""
+        return [
+            k
+            for k, trial in enumerate(self.evidence.trials)
+            if (self.p[k] < SIGNIFICANT or self.gains[k] > OVERWHELMING)
+            and trial.possible(self.evidence.coefficients(k), SLACK)
+        ]
+
+    def _gained(self, number: int) -> bool:
+        """Tell whether it removes enough: of what is left, or of all where rollers may feign it."""
+        share = 1.0 if self.wheels_agree else min(1.0, self.error / self.origin)
+        return self.gains[number] * share > LEAST_GAIN
+
+    def _named(self, number: int) -> bool:
+        return not self.trial(number).effect.background and self.credible(number)
+
+    def trial(self, number: int) -> Trial:
+        """The trial of a number."""
+        return self.evidence.trials[number]
+
+
+def gain_of(evidence: Evidence, number: int) -> float:
+    """Share of the squared error that a trial removes where it was not fitted.
+
+    Of what changes with time see ``CHANGING``.
+    """
+    gain = evidence.gain(number)
+    if not evidence.trials[number].effect.needs_time:
+        return gain
+    explained = evidence.explained(number)
+    return max(gain, explained) if explained > CHANGING else gain
