@@ -13,15 +13,15 @@ from the measured velocities, so feedback in the drive does not bias what is fit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from ident.free_run import Windows, cut_windows, seen_by_sensors
 from ident.log import Log
+from ident.recent import Recent, part_of
 from ident.signals import delivered_torques, observed_motion, wheel_angles
 from youbot_env import dynamics
 from youbot_env.backend import NUMPY
@@ -35,8 +35,6 @@ LONGEST, SHORTEST, WANTED = 4.0, 2.0, 28
 STEP, SMALL = 1e-3, 1e-2
 # The same for velocities, m/s and rad/s: far below the speeds over which dry friction turns round.
 NUDGE = 1e-6
-# Intermediate results of models that are kept for the next ones.
-RECENT = 16
 
 DRIVE = ("drive", "delay")
 # Largest step of a simulation, in units of the fastest time constant: what is lost is far below the
@@ -172,7 +170,7 @@ class Linearised:
         structure = Structure.of(model)
         robot, rest = structure.bind(values), structure.rest().internal
         rolling, reads = (
-            _part(model, values, ("kinematics",)),
+            part_of(model, values, ("kinematics",)),
             (robot.reads_pose, robot.reads_wheel_angle),
         )
 
@@ -180,14 +178,14 @@ class Linearised:
             return [observed_motion(p, robot, self.log.time[0]) for p in self.log.pieces()]
 
         def delivered() -> tuple:
-            seen = self._kept(("motions", rolling, reads), motions)
+            seen = self._recent.of(("motions", rolling, reads), motions)
             return tuple(delivered_torques(self.log, model, values, seen)[self._rows].T)
 
-        torque = self._kept(("torque", _part(model, values, DRIVE)), delivered)
+        torque = self._recent.of(("torque", part_of(model, values, DRIVE)), delivered)
         s = self._signals(robot, self._middle, 0.5, ("middle", rolling), ahead)
         wrench = robot.wrench(torque, s, rest, NUMPY)
-        placed = (rolling, _part(model, values, ("inertial",)), tuple(values[:7]))
-        inertia = self._kept(("inertia", placed), lambda: robot.inertia_at(s))
+        placed = (rolling, part_of(model, values, ("inertial",)), tuple(values[:7]))
+        inertia = self._recent.of(("inertia", placed), lambda: robot.inertia_at(s))
         acceleration = self._stack(robot.acceleration(wrench, s, inertia))
 
         def outputs() -> np.ndarray:
@@ -197,20 +195,12 @@ class Linearised:
             return self._stack(seen_by_sensors(robot, s, self.log))
 
         if ahead is None and not robot.acting("slip"):
-            return acceleration, self._kept(("outputs", rolling), outputs)
+            return acceleration, self._recent.of(("outputs", rolling), outputs)
         return acceleration, outputs()
 
-    def _kept(self, key: tuple, make: Callable[[], Any]) -> Any:
-        """What was made for a key before, or now; models in a row share most of it."""
-        found = self._recent.pop(key) if key in self._recent else make()
-        while len(self._recent) >= RECENT:
-            self._recent.pop(next(iter(self._recent)))
-        self._recent[key] = found  # in the order of last use
-        return found
-
     @cached_property
-    def _recent(self) -> dict:
-        return {}
+    def _recent(self) -> Recent:
+        return Recent()
 
     def _signals(
         self,
@@ -230,7 +220,7 @@ class Linearised:
         v, pose = tuple(v.T), tuple(states[:, :3].T)
         if not (key and robot.acting("kinematics")):
             return robot.signals(t, v, pose, angle, self._commands, NUMPY)
-        geometry = self._kept(
+        geometry = self._recent.of(
             key, lambda: robot.signals(t, v, pose, angle, self._commands, NUMPY).geometry
         )
         return robot.signals(t, v, pose, angle, self._commands, NUMPY, geometry)
@@ -288,14 +278,3 @@ class Linearised:
 
     def _stack(self, components) -> np.ndarray:
         return np.array([np.broadcast_to(c, len(self._rows)) for c in components], float)
-
-
-def _part(model: Model, values, hooks: tuple[str, ...]) -> tuple:
-    """Effects of a model that override one of some hooks, with their values: what a cache needs."""
-    at, found = 7, []
-    for active in model.effects:
-        size = len(active.values)
-        if any(active.effect.acts(hook) for hook in hooks):
-            found.append((active.identifier, tuple(active.values), tuple(values[at : at + size])))
-        at += size
-    return tuple(found)
