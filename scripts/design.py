@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import console
+import given_effects
 import typer
 
 from ident.blocks import CALIBRATION
@@ -43,6 +44,7 @@ def design(
     model: Annotated[
         str, typer.Option(help="Robot that is expected: model file, nominal or paper.")
     ] = "nominal",
+    effects: given_effects.EffectsFile = None,
     harmonics: Annotated[int, typer.Option(help="Sines on each axis.")] = 8,
     starts: Annotated[int, typer.Option(help="Random starts of the search.")] = 8,
     runs: Annotated[
@@ -60,6 +62,7 @@ def design(
     small.  Beside it stand the paper's motions I-IV at their best base frequencies, at equal time
     and limits.  Both are checked by simulated experiments with wheel loops and noisy sensors.
     """
+    given_effects.load_effects(effects)
     if motion_file.suffix.lower() not in (".yaml", ".yml"):
         raise ValueError(f"--out {motion_file}: motions are written as YAML; end the name in .yaml")
     console.check_writable(motion_file, json_file)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +10,7 @@ import console
 import evaluate_robots
 import given_effects
 import typer
+from crew import Crew
 from evaluate_tables import error_rows, gap_rows, tell
 
 from controllers import controller_names, find, make
@@ -45,6 +45,7 @@ def evaluate(
         typer.Option(help="analytic, rollers; both if left."),
     ] = None,
     effect: given_effects.Effects = None,
+    effects: given_effects.EffectsFile = None,
     robots: Annotated[int, typer.Option(min=1, help="Robots on the analytic plant.")] = 5,
     roller_robots: Annotated[int, typer.Option(min=1, help="Robots with real rollers.")] = 3,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
@@ -73,15 +74,16 @@ def evaluate(
     """
     page_file = None if report is None else report / "index.html"
     console.check_writable(json_file, page_file)
+    given_effects.load_effects(effects)
     blocks, skipped = chosen(controller, reference, frequency, plant)
     hidden = sizes(given_effects.parse_effects(effect)) if effect else HIDDEN
     counts = {"analytic": robots, "rollers": roller_robots}
     plants = list(dict.fromkeys(block.plant for block in blocks))
-    workers = jobs or os.cpu_count() or 1
-    subjects = calibrate(plants, counts, hidden, seed, workers)
+    crew = Crew(jobs or os.cpu_count() or 1, effects)
+    subjects = calibrate(plants, counts, hidden, seed, crew)
     sensors = Sensors() if noise else None
-    results = Results(drive(blocks, counts, subjects, sensors, workers))
-    costs = wrong_beliefs(subjects, sensors, workers) if wrong else []
+    results = Results(drive(blocks, counts, subjects, sensors, crew))
+    costs = wrong_beliefs(subjects, sensors, crew) if wrong else []
     checked = claims(results)
     solver = solver_runs(subjects[plants[0]][0], steps) if steps else None
     if solver:
@@ -161,7 +163,7 @@ def sizes(effects: dict[str, dict[str, float] | None]) -> dict[str, float]:
 
 
 def calibrate(
-    plants: list[str], counts: dict, hidden: dict, seed: int, workers: int
+    plants: list[str], counts: dict, hidden: dict, seed: int, crew: Crew
 ) -> dict[str, list[Subject]]:
     """Robots of each plant with their identified models."""
     drawn = [
@@ -170,7 +172,7 @@ def calibrate(
         for subject in draw_subjects(plant, counts[plant], load_model("paper"), hidden, seed)
     ]
     calls = [(evaluate_robots.calibrated, (subject, LOG_SECONDS)) for subject in drawn[::-1]]
-    found = parallel("identifying robots", calls, workers)
+    found = crew.run("identifying robots", calls)
     return {
         plant: sorted((s for s in found if s.plant == plant), key=lambda s: s.number)
         for plant in plants
@@ -178,7 +180,7 @@ def calibrate(
 
 
 def drive(
-    blocks: list[Block], counts: dict, subjects: dict, sensors: Sensors | None, workers: int
+    blocks: list[Block], counts: dict, subjects: dict, sensors: Sensors | None, crew: Crew
 ) -> list[Run]:
     """All runs of all blocks."""
     jobs: list[Job] = make_jobs(blocks, counts)
@@ -187,14 +189,14 @@ def drive(
         for j in jobs
     ]
     weights = [weight(job) for job in jobs]
-    return [run for runs in parallel("driving", calls, workers, weights) for run in runs]
+    return [run for runs in crew.run("driving", calls, weights) for run in runs]
 
 
-def wrong_beliefs(subjects: dict, sensors: Sensors | None, workers: int) -> list[tornado.Cost]:
+def wrong_beliefs(subjects: dict, sensors: Sensors | None, crew: Crew) -> list[tornado.Cost]:
     """Costs of wrong parameters and missing effects, on the first plant."""
     asked = next(iter(subjects.values()))[:TORNADO_ROBOTS]
     calls = [(tornado.errors, (subject, sensors)) for subject in asked]
-    return tornado.costs(parallel("wrong on purpose", calls, workers))
+    return tornado.costs(crew.run("wrong on purpose", calls))
 
 
 def solver_runs(subject: Subject, steps: int) -> dict[str, Any]:
@@ -207,28 +209,6 @@ def solver_runs(subject: Subject, steps: int) -> dict[str, Any]:
             exact.append(solver_check.against_exact(subject, motion))
             show(number)
     return {"endurance": endurance, "against_exact": exact}
-
-
-def parallel(
-    title: str, calls: list[tuple[Callable, tuple]], workers: int, weights: Iterable | None = None
-) -> list:
-    """Results of the calls in any order; progress in calls or by weight."""
-    from joblib import Parallel, delayed
-
-    weights = list(weights) if weights is not None else [1.0] * len(calls)
-
-    def one(call: Callable, arguments: tuple, share: float):
-        return share, call(*arguments)
-
-    todo = (delayed(one)(*call, share) for call, share in zip(calls, weights, strict=True))
-    found, done = [], 0.0
-    with console.progress(title, sum(weights)) as show:
-        pool = Parallel(min(workers, len(calls)), return_as="generator_unordered")
-        for share, result in pool(todo):
-            found.append(result)
-            done += share
-            show(done)
-    return found
 
 
 if __name__ == "__main__":

@@ -38,6 +38,7 @@ def evaluate(
         typer.Option(help="The hidden robot; the one that drove the bundled logs if left."),
     ] = None,
     effect: given_effects.Effects = None,
+    effects: given_effects.EffectsFile = None,
     seeds: Annotated[int, typer.Option(min=2, help="Unseen seeds of each motion.")] = 100,
     seconds: Annotated[float, typer.Option(min=3, max=100, help="Length of a run, s.")] = 10.0,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
@@ -54,6 +55,7 @@ def evaluate(
     robot, which no training has seen: what does it cost them?  Exit status 1: a policy does not
     beat the kinematic controller on every motion.
     """
+    given_effects.load_effects(effects)
     console.check_writable(json_file, None if report is None else report / "index.html")
     names = policy or shipped_policies()
     if not names:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import console
+import given_effects
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -38,6 +39,7 @@ def train(
         str | None,
         typer.Option(help="The robot in their middle; nominal, or models/identified.yaml."),
     ] = None,
+    effects: given_effects.EffectsFile = None,
     steps: Annotated[
         int | None, typer.Option(min=1, help="Control periods; what the recipe says if left.")
     ] = None,
@@ -73,6 +75,7 @@ def train(
     Exit status 1: the policy is not better on every motion; it is written all the same.  Run it
     with make(ALGORITHM, model=..., policy=FILE).
     """
+    given_effects.load_effects(effects)
     check_words(algorithm, world, resume, checkpoints)
     need("torch", "stable_baselines3", *(["tensorboard"] if tensorboard else []))
     need(*(["onnx"] if onnx else []))

@@ -1,5 +1,6 @@
 """The page on effects of one's own: its code and commands run, diagnosis finds what it defines."""
 
+import json
 import re
 import shlex
 import subprocess
@@ -127,6 +128,30 @@ def test_a_law_without_hook_or_under_a_taken_name_is_refused(file):
     file.write_text(text.replace('"caster_drag"', '"wheel_slip"'), encoding="utf-8")
     with pytest.raises(ValueError, match="exists already"):
         load_effects_file(file)
+    # The name of the class alone does not make it the same.
+    file.write_text(file.read_text(encoding="utf-8").replace("CasterDrag", "WheelSlip"), "utf-8")
+    with pytest.raises(ValueError, match="exists already"):
+        load_effects_file(file)
+
+
+def test_of_a_file_that_fails_half_way_nothing_is_known(file):
+    text = file.read_text(encoding="utf-8")
+    file.write_text(f"{text}\n\nclass Bare(Effect):\n    identifier = 'bare'\n", encoding="utf-8")
+    with pytest.raises(ValueError, match="'title'"):
+        load_effects_file(file)
+    assert not {"bare", "caster_drag"} & set(effects.effect_names())
+
+
+def test_processes_that_share_the_work_know_it(file):
+    options = "--controller computed_torque --reference circle --frequency 1 --plant analytic"
+    options += " --robots 2 --steps 0 --no-wrong --jobs 2 --effect caster_drag=40 --json found.json"
+    script = ROOT / "scripts/evaluate.py"
+    done = run(script, "--effects", str(file), *options.split(), folder=file.parent)
+    assert done.returncode == 0, done.stderr
+    found = json.loads((file.parent / "found.json").read_text(encoding="utf-8"))
+    assert found["setup"]["hidden"] == {"caster_drag": 40.0}
+    gap = next(c for c in found["claims"] if "identified + effects: gap" in c["claim"])
+    assert gap["value"] > 0.98
 
 
 def test_a_missing_file_ends_with_status_two_and_nothing_written(tmp_path):

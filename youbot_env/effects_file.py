@@ -8,7 +8,7 @@ import sys
 import traceback
 from pathlib import Path
 
-from youbot_env.effects import Effect, register
+from youbot_env.effects import Effect, register, unregister
 
 
 def load_effects_file(path: str | os.PathLike) -> tuple[str, ...]:
@@ -26,6 +26,7 @@ def load_effects_file(path: str | os.PathLike) -> tuple[str, ...]:
     name = f"effects_of_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    found: list[str] = []
     try:
         spec.loader.exec_module(module)
         # A class may stand under two names.
@@ -34,9 +35,13 @@ def load_effects_file(path: str | os.PathLike) -> tuple[str, ...]:
             for item in vars(module).values()
             if isinstance(item, type) and issubclass(item, Effect) and item.__module__ == name
         }
-        found = tuple(register(item).identifier for item in own if hasattr(item, "identifier"))
+        for item in own:
+            if hasattr(item, "identifier"):
+                found.append(register(item).identifier)
     except Exception as error:  # whatever the file raises is told
         del sys.modules[name]
+        for identifier in found:
+            unregister(identifier)  # all of a file or nothing
         raise ValueError(
             f"{path.name}{_line(path, error)}: {type(error).__name__}: {error}"
         ) from error
@@ -46,7 +51,7 @@ def load_effects_file(path: str | os.PathLike) -> tuple[str, ...]:
             f"{path.name} defines no effect; it needs a subclass of youbot_env.effects.Effect with "
             "an identifier, see docs/add_an_effect.md"
         )
-    return found
+    return tuple(found)
 
 
 def _line(path: Path, error: Exception) -> str:

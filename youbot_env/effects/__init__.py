@@ -52,10 +52,15 @@ def register(effect: type[Effect]) -> type[Effect]:
     if not any(effect.acts(hook) for hook in HOOKS):
         raise ValueError(f"effect {effect.identifier!r} does nothing; override one of {HOOKS}")
     known = {**_shipped(), **_EXTRA}.get(effect.identifier)
-    if known is not None and known.__qualname__ != effect.__qualname__:
-        raise ValueError(f"effect {effect.identifier!r} exists already: {known.__qualname__}")
+    if known is not None and _place(known) != _place(effect):
+        raise ValueError(f"effect {effect.identifier!r} exists already: {_place(known)}")
     _EXTRA[effect.identifier] = effect
     return effect
+
+
+def _place(effect: type[Effect]) -> str:
+    """Where a class stands; one that is defined anew takes the place of the old."""
+    return f"{effect.__module__}.{effect.__qualname__}"
 
 
 def unregister(identifier: str) -> None:
