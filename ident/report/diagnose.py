@@ -7,7 +7,7 @@ import numpy as np
 from ident.comparison import compare
 from ident.diagnosis.experiment import CERTAIN
 from ident.diagnosis.power import POWER, Reach
-from ident.diagnosis.shortlist import LEAST_GAIN
+from ident.diagnosis.shortlist import CHANGING, LEAST_GAIN
 from ident.diagnosis.verdict import Diagnosis
 from ident.log import Log
 from ident.physical import invisible
@@ -58,8 +58,9 @@ def lead(found: Diagnosis) -> str:
         f"{found.log}: {len(found.reach)} effects were tried on {used:.0f} s of motion. An effect "
         f"counts when it is significant among all that were tried and removes more than "
         f"{100 * LEAST_GAIN:.0f} % of the squared free-run error of stretches to which it was not "
-        f"fitted. {found.errors.windows} windows were kept for the end; nothing was fitted to them "
-        "or chosen by them."
+        f"fitted; what changes with time {100 * CHANGING:.0f} % of that to which it was. "
+        f"{found.errors.windows} windows were kept for the end; nothing was fitted to them or "
+        "chosen by them."
     )
 
 
