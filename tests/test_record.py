@@ -1,17 +1,17 @@
 """Recording of logs: reproducible, replayable, hidden where asked, clear about bad input."""
 
+import functools
 import json
 import os
 import re
-import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
-import polars as pl
 import pytest
+from written_logs import comments, read
 
 import youbot_env
 from youbot_env.channels import channel_columns
@@ -31,35 +31,9 @@ LOGGED = ("wheel_velocity", "wheel_torque", "pose", "reference")
 
 
 @pytest.fixture
-def record(tmp_path, monkeypatch, capsys):
+def record(script):
     """Run scripts/record.py in an empty folder; returns (exit status, stdout, stderr)."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(SCRIPTS)
-
-    def call(*options, script="record.py"):
-        path = str(SCRIPTS / script)
-        monkeypatch.setattr(sys, "argv", [path, *map(str, options)])
-        with pytest.raises(SystemExit) as end:
-            runpy.run_path(path, run_name="__main__")
-        return end.value.code or 0, *capsys.readouterr()
-
-    return call
-
-
-@pytest.fixture
-def console(monkeypatch):
-    monkeypatch.syspath_prepend(SCRIPTS)
-    import console
-
-    return console
-
-
-def read(path):
-    return pl.read_csv(path, comment_prefix="#")
-
-
-def comments(path):
-    return [line for line in Path(path).read_text().splitlines() if line.startswith("#")]
+    return functools.partial(script, "record.py")
 
 
 def replay(table, model, dt):
@@ -255,70 +229,6 @@ def test_script_runs_from_anywhere_as_a_process(tmp_path):
     assert (tmp_path / "runs" / "log.csv").is_file()
 
 
-def test_effects_that_are_given(console):
-    from given_effects import parse_effects
-
-    given = ["floor_slope", "torque_gain.e_fl=0.1", "torque_gain.e_rr=-.2", "actuator_delay=1e-2"]
-    assert parse_effects(given) == {
-        "floor_slope": None,
-        "torque_gain": {"e_fl": 0.1, "e_rr": -0.2},
-        "actuator_delay": {"d": 0.01},
-    }
-    assert parse_effects(None) == {}
-    both = parse_effects(["wheel_coulomb_friction=0.1", "wheel_coulomb_friction.fc_fl=0.3"])
-    values = load_model("paper").with_effects(both).effects[0].values
-    assert values == {"fc_fl": 0.3, "fc_fr": 0.1, "fc_rl": 0.1, "fc_rr": 0.1}
-
-
-def test_console_statuses(console, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["x.py"])
-    monkeypatch.delenv("YOUBOT_DEBUG", raising=False)
-
-    def end(error):
-        def command() -> None:
-            """Do it."""
-            if error:
-                raise error
-
-        with pytest.raises(SystemExit) as stop:
-            console.run(command, "")
-        return stop.value.code or 0, capsys.readouterr().err
-
-    assert end(None) == (0, "")
-    assert end(console.CheckFailed("worse than before")) == (1, "worse than before\n")
-    assert end(FileNotFoundError(2, "No such file", "a.csv")) == (
-        2, "error: [Errno 2] No such file: 'a.csv'\n"
-    )  # fmt: skip
-    with pytest.raises(ZeroDivisionError):
-        end(ZeroDivisionError())  # an error of ours is no bad input
-    monkeypatch.setenv("YOUBOT_DEBUG", "1")
-    with pytest.raises(ValueError, match="shown whole"):
-        end(ValueError("shown whole"))
-
-
-def test_console_json_holds_only_what_json_has(console, tmp_path):
-    data = {"a": np.float64(np.nan), "b": np.arange(2), "c": (1, np.bool_(True)), 3: Path("p")}
-    console.write_json(tmp_path / "j.json", data)
-    text = (tmp_path / "j.json").read_text()
-    assert json.loads(text) == {"a": None, "b": [0, 1], "c": [1, True], "3": "p"}
-    with pytest.raises(TypeError):
-        console.write_json(tmp_path / "j.json", {"a": object()})
-    assert (tmp_path / "j.json").read_text() == text
-
-
-def test_console_command_line_hides_where_things_are(console, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    words = [
-        "/opt/scripts/fit.py",
-        str(tmp_path / "a b.csv"),
-        "--out=/elsewhere/m.yaml",
-        "--n",
-        "3",
-    ]
-    monkeypatch.setattr(sys, "argv", words)
-    assert console.command_line() == "python scripts/fit.py 'a b.csv' --out=m.yaml --n 3"
-
-
 def test_sensors_change_the_record_but_no_column_name():
     plant, motion = AnalyticPlant(load_model("paper")), make_reference("eight")
     exact = record_motion(plant, motion, 3.0)
@@ -367,58 +277,3 @@ def test_table_is_written_with_the_digits_asked_for(tmp_path):
     assert path.read_text().splitlines() == [
         "# a", "# b", "time,x", "0,0.000", "0.3333333333,1.235", "123456.789,-2.000"
     ]  # fmt: skip
-
-
-BUNDLED = {
-    "youbot_fit": ("calibration", 112, 0.35, 1.0, 1),
-    "youbot_test": ("smooth_random", 48, 0.45, 1.5, 2),
-}
-
-
-@pytest.mark.parametrize("name", BUNDLED)
-def test_bundled_log_is_what_its_command_makes(record, name):
-    pytest.importorskip("mujoco")
-    motion, seconds, speed, frequency, seed = BUNDLED[name]
-    options = ("--plant", "rollers", "--model", LOGS / "truth.yaml", "--motion", motion, "--speed",
-               speed, "--frequency", frequency, "--seed", seed, "--hide")  # fmt: skip
-    # Only the start: the calibration motions share the seconds, so that one is driven by motion I.
-    start = 1.0
-    if motion == "calibration":
-        options = (*options[:5], "I", *options[6:])
-    assert record(*options, "--seconds", start, "--out", "log.csv")[0] == 0
-    ours, bundled = read("log.csv"), read(LOGS / f"{name}.csv")
-    assert bundled.columns == ours.columns
-    assert len(bundled) == 100 * seconds
-    np.testing.assert_allclose(bundled["time"], np.arange(100 * seconds) / 100, atol=1e-9)
-    # Contacts amplify the last digits of other versions; after a second that is still little.
-    for column in COLUMNS["wheel_velocity"] + COLUMNS["reference"]:
-        np.testing.assert_allclose(bundled[column][:100], ours[column], atol=0.15)
-    assert f"--motion {motion} --speed {speed}" in comments(LOGS / f"{name}.csv")[0]
-    assert f"--seed {seed}" in comments(LOGS / f"{name}.csv")[0]
-    assert "coulomb" not in "".join(comments(LOGS / f"{name}.csv"))
-
-
-@pytest.mark.parametrize("name", BUNDLED)
-def test_bundled_log_moves_well_within_the_limits_of_the_drive(name):
-    table = read(LOGS / f"{name}.csv")
-    torque = np.abs(table.select(COLUMNS["wheel_torque"]).to_numpy())
-    assert np.mean(torque > 3.9) < 1e-3
-    body = (
-        table.select(COLUMNS["wheel_velocity"]).to_numpy()
-        @ np.linalg.pinv(PLATFORM.jacobian_array).T
-    )
-    assert 0.3 < np.hypot(body[:, 0], body[:, 1]).max() < 0.5
-    assert np.linalg.cond(np.cov(body.T)) < 30
-    assert (LOGS / f"{name}.csv").stat().st_size < 1.6e6
-
-
-def test_bundled_readme_holds_the_commands():
-    text = (LOGS / "README.md").read_text()
-    for name in BUNDLED:
-        command = comments(LOGS / f"{name}.csv")[0].removeprefix("# ")
-        for option in re.findall(r"--\w+ (?!--)\S+", command.replace("--rate 100 ", "")):
-            assert option in text, option
-        assert f"--out logs/{name}.csv" in text
-    before, after = text.split("## Spoiler")
-    assert "coulomb" not in before
-    assert "wheel_coulomb_friction" in after

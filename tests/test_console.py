@@ -1,0 +1,88 @@
+"""What all scripts share: exit statuses, JSON, effects that are given."""
+
+import json
+import sys
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import youbot_env
+from youbot_env.model_file import load_model
+
+gym.register_envs(youbot_env)
+
+SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
+
+
+@pytest.fixture
+def console(monkeypatch):
+    monkeypatch.syspath_prepend(SCRIPTS)
+    import console
+
+    return console
+
+
+def test_effects_that_are_given(console):
+    from given_effects import parse_effects
+
+    given = ["floor_slope", "torque_gain.e_fl=0.1", "torque_gain.e_rr=-.2", "actuator_delay=1e-2"]
+    assert parse_effects(given) == {
+        "floor_slope": None,
+        "torque_gain": {"e_fl": 0.1, "e_rr": -0.2},
+        "actuator_delay": {"d": 0.01},
+    }
+    assert parse_effects(None) == {}
+    both = parse_effects(["wheel_coulomb_friction=0.1", "wheel_coulomb_friction.fc_fl=0.3"])
+    values = load_model("paper").with_effects(both).effects[0].values
+    assert values == {"fc_fl": 0.3, "fc_fr": 0.1, "fc_rl": 0.1, "fc_rr": 0.1}
+
+
+def test_console_statuses(console, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["x.py"])
+    monkeypatch.delenv("YOUBOT_DEBUG", raising=False)
+
+    def end(error):
+        def command() -> None:
+            """Do it."""
+            if error:
+                raise error
+
+        with pytest.raises(SystemExit) as stop:
+            console.run(command, "")
+        return stop.value.code or 0, capsys.readouterr().err
+
+    assert end(None) == (0, "")
+    assert end(console.CheckFailed("worse than before")) == (1, "worse than before\n")
+    assert end(FileNotFoundError(2, "No such file", "a.csv")) == (
+        2, "error: [Errno 2] No such file: 'a.csv'\n"
+    )  # fmt: skip
+    with pytest.raises(ZeroDivisionError):
+        end(ZeroDivisionError())  # an error of ours is no bad input
+    monkeypatch.setenv("YOUBOT_DEBUG", "1")
+    with pytest.raises(ValueError, match="shown whole"):
+        end(ValueError("shown whole"))
+
+
+def test_console_json_holds_only_what_json_has(console, tmp_path):
+    data = {"a": np.float64(np.nan), "b": np.arange(2), "c": (1, np.bool_(True)), 3: Path("p")}
+    console.write_json(tmp_path / "j.json", data)
+    text = (tmp_path / "j.json").read_text()
+    assert json.loads(text) == {"a": None, "b": [0, 1], "c": [1, True], "3": "p"}
+    with pytest.raises(TypeError):
+        console.write_json(tmp_path / "j.json", {"a": object()})
+    assert (tmp_path / "j.json").read_text() == text
+
+
+def test_console_command_line_hides_where_things_are(console, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    words = [
+        "/opt/scripts/fit.py",
+        str(tmp_path / "a b.csv"),
+        "--out=/elsewhere/m.yaml",
+        "--n",
+        "3",
+    ]
+    monkeypatch.setattr(sys, "argv", words)
+    assert console.command_line() == "python scripts/fit.py 'a b.csv' --out=m.yaml --n 3"
