@@ -10,10 +10,15 @@ SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
 
 
 @pytest.fixture
-def script(tmp_path, monkeypatch, capsys):
+def scripts(monkeypatch):
+    """Let tests import what stands beside the scripts."""
+    monkeypatch.syspath_prepend(SCRIPTS)
+
+
+@pytest.fixture
+def script(tmp_path, monkeypatch, capsys, scripts):
     """Run a script in an empty folder; returns (exit status, stdout, stderr)."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(SCRIPTS)
 
     def call(name, *options):
         path = str(SCRIPTS / name)
