@@ -13,7 +13,7 @@ import pytest
 from ident.kinematics import calibrate_kinematics
 from ident.kinematics.fit import fit
 from ident.kinematics.wheels import parameter_names, rolling
-from ident.kinematics.windows import MOUNT, cut_windows, integrate, thinned
+from ident.kinematics.windows import MOUNT, cut_windows, integrate, sparse
 from ident.log import Log
 from youbot_env.backend import NUMPY
 from youbot_env.channels import channel_columns
@@ -283,7 +283,7 @@ def test_held_poses_gaps_and_dense_records_are_understood():
     assert found.mount["delay"].value == pytest.approx(MOUNTED[3], abs=2e-3)
     assert found.parameters["wheel_radius"].value == pytest.approx(0.0475, rel=1e-3)
     dense = measured(youbot(), *rolled("smooth_random", seconds=20.0, dt=1e-3), mount=MOUNTED)
-    assert thinned(dense).dt == pytest.approx(8e-3)
+    assert sparse(dense).dt == pytest.approx(8e-3)
     found = calibrate_kinematics(dense)
     assert found.mount["delay"].value == pytest.approx(MOUNTED[3], abs=2e-3)
 

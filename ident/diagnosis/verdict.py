@@ -19,8 +19,12 @@ from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, chain_of
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
 from ident.log import Log
+from ident.thinning import thinned
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
+
+# Denser samples, s, tell nothing more of a robot of this size.
+DENSE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +130,7 @@ def diagnose(
     weak = next(filter(None, (unfit(log) for log in everything if log is not test)), "")
     if weak:
         return Diagnosis(name, "cannot_say", weak, (), model, model, experiment=CALIBRATION)
+    logs, test = [thinned(log, DENSE) for log in logs], test and thinned(test, DENSE)
     parts = divide(logs, test, model)
     tell("fitting the base model")
     refined, simulations = refit(parts, model, steps=30)

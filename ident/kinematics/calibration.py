@@ -21,7 +21,7 @@ from ident.kinematics.wheels import (
     mean_odometry,
     steeper,
 )
-from ident.kinematics.windows import cut_windows, thinned
+from ident.kinematics.windows import cut_windows, sparse
 from ident.kinematics.words import remarks, undetermined_words
 from ident.log import Log
 from ident.quantities import Quantity
@@ -175,7 +175,7 @@ def calibrate_kinematics(
             f"log {log.name!r} has wheels {log.platform.wheel_names}, the platform "
             f"{platform.name!r} has {platform.wheel_names}; give the platform of the log"
         )
-    log = thinned(log)
+    log = sparse(log)
     ideal, ripple = without_ripple(log, platform)
     seen = ripple is not None and ripple.seen
     if finite_rollers and not seen:
@@ -195,7 +195,7 @@ def calibrate_kinematics(
     matrices = (odometry, estimate.rolling.odometry if finite else None)
     drifts = _drifts(log, platform, matrices, estimate.mount)
     if test is not None:
-        judged = _drifts(thinned(test), platform, matrices, estimate.mount)
+        judged = _drifts(sparse(test), platform, matrices, estimate.mount)
         drifts |= {f"test_{name}": drift for name, drift in judged.items()}
     return KinematicCalibration(
         log.name,

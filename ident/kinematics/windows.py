@@ -6,13 +6,13 @@ came.  All samples of a window are used, and the noise of the wheel speeds has n
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ident.log import Log
+from ident.thinning import thinned
 
 # Pose and wheel clocks may differ by this much, s; windows keep the distance from gaps and ends.
 LONGEST_DELAY = 0.3
@@ -197,34 +197,14 @@ def cut_windows(log: Log, seconds: float | None) -> Windows:
     return Windows(log.time[rows], pose[rows], fresh, np.array(numbers), source)
 
 
-def thinned(log: Log) -> Log:
+def sparse(log: Log) -> Log:
     """The log with means over about 8 ms in place of its samples, where these are denser than 4 ms.
 
-    Times, wheel speeds and poses are averaged alike, so their clocks stay together; other channels
-    are dropped.
+    Raises:
+        ValueError: a channel that is needed is missing.
     """
     _require_channels(log)
-    if log.dt > DENSE:
-        return log
-    size, rows, starts = round(THINNED / log.dt), [], []
-    for start, stop in itertools.pairwise([*log.starts, len(log.time)]):
-        if stop - start >= size:
-            starts.append(sum(map(len, rows)))
-            rows.append(np.arange(start, stop - size + 1, size))
-    if not rows:
-        return log
-    first = np.concatenate(rows)
-    pose = log.pose.copy()
-    pose[:, 2] = np.unwrap(pose[:, 2])
-    block = first[:, None] + np.arange(size)
-    return Log(
-        name=log.name,
-        platform=log.platform,
-        time=log.time[block].mean(axis=1),
-        wheel_velocity=log.wheel_velocity[block].mean(axis=1),
-        pose=pose[block].mean(axis=1),
-        starts=tuple(starts),
-    )
+    return log if log.dt > DENSE else thinned(log, THINNED)
 
 
 def _require_channels(log: Log) -> None:
