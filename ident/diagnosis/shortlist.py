@@ -63,7 +63,10 @@ class Shortlist:
         return max(passing, key=lambda k: self.gains[k]) if passing else None
 
     def worth_refining(self) -> list[int]:
-        """Trials that pass, and those that fit as well as the best of them; best first."""
+        """Trials that pass, and those that fit as well as the best of them; best first.
+
+        That something is missing is certain then, so a rival that gains need not be certain itself.
+        """
         passing = [k for k in self._admissible() if self._gained(k) and self._named(k)]
         found = self._best_forms(passing)
         if not found:
@@ -73,8 +76,12 @@ class Shortlist:
         known = {self.trial(k).identifier for k in found}
         rivals = [
             k
-            for k in self._admissible()
-            if self._named(k) and self.trial(k).identifier not in known and explained(k) > least
+            for k in range(len(self.evidence.trials))
+            if self.trial(k).identifier not in known
+            and explained(k) > least
+            and (self._sure(k) or self._gained(k))
+            and self._possible(k)
+            and self._named(k)
         ]
         worth = [k for k in found if self.gains[k] >= WORTH * self.gains[found[0]]]
         return (worth + self._best_forms(rivals))[:MOST]
@@ -121,12 +128,13 @@ class Shortlist:
 
     def _admissible(self) -> list[int]:
         """Trials that are significant with sizes that are possible."""
-        return [
-            k
-            for k, trial in enumerate(self.evidence.trials)
-            if (self.p[k] < SIGNIFICANT or self.gains[k] > OVERWHELMING)
-            and trial.possible(self.evidence.coefficients(k), SLACK)
-        ]
+        return [k for k in range(len(self.evidence.trials)) if self._sure(k) and self._possible(k)]
+
+    def _sure(self, number: int) -> bool:
+        return bool(self.p[number] < SIGNIFICANT or self.gains[number] > OVERWHELMING)
+
+    def _possible(self, number: int) -> bool:
+        return self.trial(number).possible(self.evidence.coefficients(number), SLACK)
 
     def _gained(self, number: int) -> bool:
         """Tell whether it removes enough: of what is left, or of all where rollers may feign it."""
