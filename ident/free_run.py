@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from ident.log import Log
-from ident.signals import body_velocity, wheel_angles
+from ident.signals import body_velocity, observed_motion, wheel_angles
 from youbot_env.backend import FLOAT, NUMPY
 from youbot_env.compiled import advance_function
 from youbot_env.effects.base import Signals
@@ -118,7 +118,7 @@ def cut_windows(
     length = max(1, round(window / dt))
     starts, blocks, index, clocks, steps, angles = [], [], [], [], [], []
     robot = structure.bind(model.values())
-    velocity, offset, command = log.velocity(), 0, log.command
+    velocity, offset, command = _velocities(log, robot), 0, log.command
     turned = wheel_angles(log) if structure.track_wheels else np.empty((len(log.time), 0))
     for piece in log.pieces():
         count = len(piece.time)
@@ -153,6 +153,14 @@ def cut_windows(
         substeps,
         history,
     )
+
+
+def _velocities(log: Log, robot: Robot) -> np.ndarray:
+    """(N, 3) body velocities of a log, by the wheels of the model where these are all there is."""
+    if log.body_velocity is not None or not robot.acting("kinematics"):
+        return log.velocity()
+    seen = [observed_motion(piece, robot, log.time[0])[0] for piece in log.pieces()]
+    return np.concatenate([np.stack(v, axis=1) for v in seen])
 
 
 def free_run(log: Log, model: Model, window: float = WINDOW) -> FreeRun:

@@ -11,7 +11,8 @@ import pytest
 from shared_data import shared
 
 from ident import diagnose
-from ident.benchmark.outside import FloorPatches
+from ident.benchmark.cases import Case, record_case
+from ident.benchmark.outside import FloorPatches, LateralCubicDrag
 from ident.diagnosis.dependence import dependences
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.experiment import distance, separating
@@ -128,6 +129,31 @@ def test_what_no_effect_explains_is_said_to_lie_outside():
     found = diagnose(*pair(replace(PAPER, effects=(hidden,)))[:1], NOMINAL)
     assert found.verdict in ("outside_library", "cannot_say")
     assert found.as_dict()["named"] == []
+
+
+def test_what_acts_in_a_few_moments_is_compared_though_their_number_proves_little():
+    recorded = record_case(Case("single", ("torque_saturation",), 0.5, 0, 1))
+    found = diagnose(recorded.fit, NOMINAL, recorded.verify)
+    assert [step.best.identifier for step in found.named] == ["torque_saturation"]
+    limit = found.named[0].sizes(found.model)["limit"].value
+    assert limit == pytest.approx(recorded.truth.effects[0].values["limit"], rel=0.01)
+
+
+def test_a_payload_is_found_with_its_moment():
+    effects = {"payload_change": {"dm": 12.0, "dI": 0.3, "dpx": -0.6, "dpy": 0.3, "t0": 37.0}}
+    found = diagnose(*pair(effects)[:1], NOMINAL, pair(effects)[1])
+    assert [step.best.identifier for step in found.named] == ["payload_change"]
+    sizes = found.named[0].sizes(found.model)
+    assert sizes["t0"].value == pytest.approx(37.0, abs=0.1)
+    assert sizes["dm"].value == pytest.approx(12.0, rel=0.1)
+
+
+def test_a_law_that_looks_like_one_of_the_library_is_told_by_what_is_left():
+    drag = LateralCubicDrag()
+    hidden = ActiveEffect(drag, drag.complete({"c": 730.0}, PAPER.platform))
+    fit = record(replace(PAPER, effects=(hidden,)), SmoothRandom(0.3, 1.0), 80, 1)
+    test = record(replace(PAPER, effects=(hidden,)), SmoothRandom(0.3, 1.5), 40, 2)
+    assert diagnose(fit, NOMINAL, test).verdict in ("outside_library", "cannot_say")
 
 
 def test_weak_records_are_refused_with_the_reason(quiet):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ident.angle_drift import drifted
-from ident.free_run import cut_windows
+from ident.free_run import cut_windows, free_run
 from ident.input_noise import torque_noise
 from ident.log import Log
 from ident.output_error import refine
@@ -85,6 +85,12 @@ def test_a_bad_guess_ends_at_the_same_values(noisy):
     found = refine([noisy], far, iterations=60)
     assert found.converged
     assert found.model.values() == pytest.approx(near.values(), rel=1e-3, abs=1e-4)
+
+
+def test_windows_start_at_the_velocity_that_the_wheels_of_the_model_show():
+    truth = PAPER.with_effects({"wheel_radius_error": {"e": 0.1, "e_rr": 0.05}})
+    log = record(truth, 20.0, IDEAL)
+    assert free_run(log, truth).nrmse < 0.02 * free_run(log, PAPER).nrmse
 
 
 def test_a_guess_that_is_at_its_end_binds_nothing(noisy):
