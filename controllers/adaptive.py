@@ -144,7 +144,7 @@ def regression(structure: Structure) -> ca.Function:
         the flat state at the beginning, the velocity at the end and the command between; u is
         ``h - a m``, each of the first three 3 x 7 by columns.
     """
-    size = len(structure.flatten(structure.rest()))
+    size = structure.state_size
     before, v = ca.SX.sym("before", size), ca.SX.sym("v", 3)
     command = ca.SX.sym("command", len(structure.platform.wheels))
     values = ca.SX.sym("values", structure.value_count)

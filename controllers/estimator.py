@@ -93,7 +93,7 @@ class Estimator:
         self._pose_share = 1.0 - math.exp(-task.dt / pose_time) if pose_time else 1.0
         self._push_share = 1.0 - math.exp(-task.dt / disturbance_time)
         self.substeps = choose_substeps(model, task.dt)
-        self._flat = len(self.structure.flatten(self.structure.rest()))
+        self._flat = self.structure.state_size
         self.delayed = any(effect.acts("delay") for effect in self.structure.effects)
         delay = self.structure.bind(model.values()).delay()
         self._history = math.ceil(delay / task.dt) + 2 if self.delayed else 1

@@ -174,13 +174,16 @@ class Log:
             return self.body_velocity
         return self.wheel_velocity @ np.linalg.pinv(self.platform.jacobian_array).T
 
+    @property
+    def spans(self) -> list[tuple[int, int]]:
+        """First sample of each contiguous piece, and the one after its last."""
+        return list(itertools.pairwise([*self.starts, len(self.time)]))
+
     def pieces(self) -> list[Log]:
         """Contiguous pieces, in order; the log itself where it has no gap."""
-        edges = [*self.starts, len(self.time)]
-        if len(edges) == 2:
+        if len(self.spans) == 1:
             return [self]
-        pairs = enumerate(itertools.pairwise(edges), 1)
-        return [self._rows(slice(a, b), f"{self.name}#{k}") for k, (a, b) in pairs]
+        return [self._rows(slice(*s), f"{self.name}#{k}") for k, s in enumerate(self.spans, 1)]
 
     def part(self, t0: float, t1: float) -> Log:
         """Samples with ``t0 <= time < t1``, s, in the log's own time.

@@ -169,10 +169,8 @@ class Linearised:
         values = model.values() if values is None else values.tolist()
         structure = Structure.of(model)
         robot, rest = structure.bind(values), structure.rest().internal
-        rolling, reads = (
-            part_of(model, values, ("kinematics",)),
-            (robot.reads_pose, robot.reads_wheel_angle),
-        )
+        rolling = part_of(model, values, ("kinematics",))
+        reads = robot.reads_pose, robot.reads_wheel_angle
 
         def motions() -> list[tuple]:
             return [observed_motion(p, robot, self.log.time[0]) for p in self.log.pieces()]

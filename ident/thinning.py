@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
 
-from ident.log import Log
+from ident.log import CHANNELS, Log
 
 # What drives the wheels is held from its sample on; everything else is seen at its sample.
 HELD = ("wheel_torque", "wheel_voltage")
-SEEN = ("time", "wheel_velocity", "body_velocity", "reference", "pose", "battery_voltage")
 
 
 def thinned(log: Log, interval: float) -> Log:
@@ -28,7 +26,7 @@ def thinned(log: Log, interval: float) -> Log:
     share = np.ones(size) if size % 2 else np.r_[0.5, np.ones(size - 1), 0.5]
     after = (size - 1) // 2 + np.arange(len(share))
     blocks, held, starts = [], [], []
-    for start, stop in itertools.pairwise([*log.starts, len(log.time)]):
+    for start, stop in log.spans:
         if stop - start < size:
             continue
         first = np.arange(start, stop - size + 1, size)
@@ -39,7 +37,7 @@ def thinned(log: Log, interval: float) -> Log:
     if not blocks:
         return log
     seen, held = np.concatenate(blocks)[:, None] + np.arange(size), np.concatenate(held)
-    values = {name: getattr(log, name) for name in (*SEEN, *HELD)}
+    values = {name: getattr(log, name) for name in ("time", *CHANNELS)}
     if log.pose is not None:
         values["pose"] = np.column_stack([log.pose[:, :2], np.unwrap(log.pose[:, 2])])
     means = {

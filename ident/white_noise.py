@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 
 from ident.log import Log
@@ -16,8 +14,7 @@ MEDIAN = 0.6745
 
 def second_differences(log: Log, signal: np.ndarray) -> np.ndarray:
     """(N', k) second differences of a signal (N, k) inside the contiguous pieces of a log."""
-    edges = [*log.starts, len(log.time)]
-    return np.concatenate([np.diff(signal[a:b], 2, axis=0) for a, b in itertools.pairwise(edges)])
+    return np.concatenate([np.diff(signal[a:b], 2, axis=0) for a, b in log.spans])
 
 
 def spread(values: np.ndarray) -> np.ndarray:

@@ -48,7 +48,7 @@ class Hidden:
 @lru_cache(maxsize=128)
 def _build(key: tuple, substeps: int, history: int, hidden: Hidden) -> ca.Function:
     structure, ops = hidden.structure, casadi_ops()
-    state, time, dt = ca.SX.sym("state", _size(structure)), ca.SX.sym("t"), ca.SX.sym("dt")
+    state, time, dt = ca.SX.sym("state", structure.state_size), ca.SX.sym("t"), ca.SX.sym("dt")
     commands = ca.SX.sym("commands", len(structure.platform.wheels), history)
     values = ca.SX.sym("values", structure.value_count)
     past = tuple(tuple(ca.vertsplit(commands[:, k])) for k in range(history))
@@ -84,17 +84,13 @@ def _build(key: tuple, substeps: int, history: int, hidden: Hidden) -> ca.Functi
 def _traced_step(key: tuple, hidden: Hidden) -> ca.Function:
     """One Runge-Kutta step, traced once however often a sample interval takes it."""
     structure = hidden.structure
-    state, time, h = ca.SX.sym("state", _size(structure)), ca.SX.sym("t"), ca.SX.sym("h")
+    state, time, h = ca.SX.sym("state", structure.state_size), ca.SX.sym("t"), ca.SX.sym("h")
     command = ca.SX.sym("command", len(structure.platform.wheels))
     values = ca.SX.sym("values", structure.value_count)
     robot, now = structure.bind(ca.vertsplit(values)), structure.unflatten(ca.vertsplit(state))
     after = rk4_step(robot, now, tuple(ca.vertsplit(command)), h, time, casadi_ops())
     result = ca.vertcat(*structure.flatten(after))
     return ca.Function("step", [state, command, values, time, h], [result])
-
-
-def _size(structure: Structure) -> int:
-    return len(structure.flatten(structure.rest()))
 
 
 class Stepper:

@@ -68,6 +68,11 @@ class Structure:
         """Number of values: seven of theta and those of the effects."""
         return len(Theta._fields) + sum(map(len, self.effect_names))
 
+    @property
+    def state_size(self) -> int:
+        """Number of components of the flat state."""
+        return len(self.flatten(self.rest()))
+
     def rest(self, pose: tuple = (0.0, 0.0, 0.0), velocity: tuple = (0.0, 0.0, 0.0)) -> State:
         """Return the state with relaxed effects at a pose and a velocity."""
         wheels = (0.0,) * len(self.platform.wheels) if self.track_wheels else ()

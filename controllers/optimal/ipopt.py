@@ -30,7 +30,7 @@ class Ipopt:
 
     def __init__(self, structure: Structure, steps: int, time_limit: float = 2.0):
         self._steps, self._wheels = steps, len(structure.platform.wheels)
-        self._size = len(structure.flatten(structure.rest()))
+        self._size = structure.state_size
         problem, self._commands = transcribe(structure, steps)
         quiet = {"print_level": 0, "sb": "yes", "tol": 1e-7, "max_wall_time": time_limit}
         options = {"print_time": False, "error_on_fail": False, "ipopt": quiet}
@@ -71,7 +71,7 @@ def transcribe(structure: Structure, steps: int) -> tuple[dict, ca.Function]:
         ``(problem, commands)``: for ``casadi.nlpsol``, and ``F(x, p)`` giving the commands along
         the reference (n, steps) with the rest of the state as in x.
     """
-    size, wheels = len(structure.flatten(structure.rest())), len(structure.platform.wheels)
+    size, wheels = structure.state_size, len(structure.platform.wheels)
     start, path = ca.SX.sym("start", size), ca.SX.sym("pose", 3)
     twists, led = ca.SX.sym("twists", 3, steps + 1), ca.SX.sym("led", 3, steps + 1)
     t, h = ca.SX.sym("t"), ca.SX.sym("h")

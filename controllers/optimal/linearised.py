@@ -154,4 +154,4 @@ def response(size: int, wheels: int, steps: int) -> ca.Function:
 
 
 def _sizes(structure: Structure) -> tuple[int, int]:
-    return len(structure.flatten(structure.rest())), len(structure.platform.wheels)
+    return structure.state_size, len(structure.platform.wheels)

@@ -92,7 +92,7 @@ def step_functions(structure: Structure) -> tuple[ca.Function, ca.Function]:
         ``F(values, before, velocity, command, t, h) -> Stage`` and
         ``F(values, before, first, last, t, h, limit) -> commands``.
     """
-    size, wheels = len(structure.flatten(structure.rest())), len(structure.platform.wheels)
+    size, wheels = structure.state_size, len(structure.platform.wheels)
     values, before = ca.SX.sym("values", structure.value_count), ca.SX.sym("before", size)
     first, last = ca.SX.sym("first", 3), ca.SX.sym("last", 3)
     command, t, h, limit = ca.SX.sym("u", wheels), *(ca.SX.sym(name) for name in "thm")

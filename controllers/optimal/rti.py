@@ -29,7 +29,7 @@ class RealTimeIteration:
     def __init__(self, structure: Structure, steps: int):
         self._newton = Columns(newton_step(structure, steps))
         self._steps, self._wheels = steps, len(structure.platform.wheels)
-        self._size = len(structure.flatten(structure.rest()))
+        self._size = structure.state_size
         self._response = Columns(response(self._size, self._wheels, steps))
         count = steps * self._wheels
         pattern = {"h": ca.Sparsity.dense(count, count), "a": ca.Sparsity(0, count)}

@@ -106,10 +106,6 @@ class Round:
         """The trial of a number."""
         return self.evidence.trials[number]
 
-    def background(self) -> int | None:
-        """The best trial of an effect that every robot has some of, if one passes."""
-        return None if self.wheels_agree else self.shortlist.background()
-
     def choose(self, present: Candidate | None = None) -> list[Candidate]:
         """The group that fits best, refined; empty where nothing passes.
 

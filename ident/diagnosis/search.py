@@ -69,7 +69,7 @@ class Search:
 
     def add_background(self) -> None:
         """Explain what every robot has some of, if the logs show it."""
-        number = self.last.background()
+        number = self.last.shortlist.background()
         found = None if number is None else candidate(self.parts, self.last.evidence, number)
         if found is not None and self.last.helps(found):
             self.add([found], float(self.last.p[number]), True)

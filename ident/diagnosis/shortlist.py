@@ -57,6 +57,8 @@ class Shortlist:
 
     def background(self) -> int | None:
         """The best trial of an effect that every robot has some of, if one passes."""
+        if self.wheels_agree:
+            return None
         passing = [
             k for k in self._admissible() if self._gained(k) and self.trial(k).effect.background
         ]
@@ -108,15 +110,15 @@ class Shortlist:
             return left[0] < left[1]
         return bool(self.gains[number] > self.gains[old] + SPLIT * split)
 
-    def credible(self, number: int) -> bool:
+    def _credible(self, number: int) -> bool:
         """Tell whether a trial is large enough for what would still be unexplained with it."""
         unexplained = self.error - self.floor
         left = (1.0 - self.evidence.explained(number)) * self.error - self.floor
         if left <= PREVAILING * unexplained:
             return True
-        return self.relative_size(number) >= SIZEABLE
+        return self._relative_size(number) >= SIZEABLE
 
-    def relative_size(self, number: int) -> float:
+    def _relative_size(self, number: int) -> float:
         """Largest estimated size of a trial in units of the typical one."""
         trial = self.trial(number)
         values = trial.values(self.evidence.coefficients(number))
@@ -142,7 +144,7 @@ class Shortlist:
         return self.gains[number] * share > LEAST_GAIN
 
     def _named(self, number: int) -> bool:
-        return not self.trial(number).effect.background and self.credible(number)
+        return not self.trial(number).effect.background and self._credible(number)
 
     def trial(self, number: int) -> Trial:
         """The trial of a number."""

@@ -79,7 +79,7 @@ def _record_function(
     """Sample the sensors, close the loops, advance the plant, ``count`` times."""
     structure, ops = hidden.structure, casadi_ops()
     wheels = len(structure.platform.wheels)
-    size = len(structure.flatten(structure.rest()))
+    size = structure.state_size
     plant, integral = ca.SX.sym("plant", size), ca.SX.sym("integral", wheels)
     past = ca.SX.sym("past", wheels, history)
     twist, error, grain = ca.SX.sym("twist", 3), ca.SX.sym("error", wheels), ca.SX.sym("grain")
