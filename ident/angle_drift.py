@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ident.dead_reckoning import wheel_speeds
 from ident.sensitivity import Linearised
-from ident.signals import wheel_speeds
 from ident.white_noise import white_variance
 
 

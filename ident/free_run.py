@@ -14,13 +14,15 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from ident.dead_reckoning import wheel_angles
 from ident.log import Log
-from ident.signals import body_velocity, observed_motion, wheel_angles
-from youbot_env.backend import FLOAT, NUMPY
+from ident.restored import restored
+from ident.signals import body_velocity, internal_states, observed_motion
+from youbot_env.backend import NUMPY
 from youbot_env.compiled import advance_function
 from youbot_env.effects.base import Signals
 from youbot_env.model import Model
-from youbot_env.plant import Robot, State, Structure
+from youbot_env.plant import Robot, Structure
 from youbot_env.simulation.analytic import STEP_FRACTION, choose_substeps, history_length
 
 WINDOW = 5.0
@@ -29,8 +31,6 @@ LEAD = 0.1
 # Runge-Kutta steps a sample, beyond which no robot is that stiff: values that a search tries and
 # leaves again.
 MOST_SUBSTEPS = 40
-# Long enough for lags and bristles to follow what is held, s.
-RELAXED = 10.0
 
 
 @dataclass(frozen=True)
@@ -105,12 +105,16 @@ def cut_windows(
 ) -> Windows:
     """Cut a log into windows of ``window`` seconds; a shorter rest at the end is left out.
 
-    ``fraction`` is that of ``choose_substeps``.
+    Args:
+        log: as recorded; the model's instruments are undone here.
+        model: what is to be simulated.
+        window: length, s.
+        fraction: that of ``choose_substeps``.
 
     Raises:
         ValueError: no contiguous piece holds one window.
     """
-    structure = Structure.of(model)
+    structure, log = Structure.of(model), restored(log, model)
     dt = log.dt
     substeps = min(choose_substeps(model, dt, fraction), MOST_SUBSTEPS)
     delay = structure.bind(model.values()).delay()
@@ -120,6 +124,7 @@ def cut_windows(
     robot = structure.bind(model.values())
     velocity, offset, command = _velocities(log, robot), 0, log.command
     turned = wheel_angles(log) if structure.track_wheels else np.empty((len(log.time), 0))
+    inner = internal_states(log, model)
     for piece in log.pieces():
         count = len(piece.time)
         past = np.stack([np.maximum(np.arange(count) - k, 0) for k in range(history)], axis=1)
@@ -127,10 +132,7 @@ def cut_windows(
         for begin in range(lead, count - length, length):
             rows = offset + begin + np.arange(length)
             pose = (0.0, 0.0, 0.0) if log.pose is None else log.pose[rows[0]]
-            rest = structure.rest(tuple(pose), tuple(velocity[rows[0]]))
-            state = rest._replace(wheel_angle=tuple(turned[rows[0]]))
-            before = command[max(rows[0] - 1, offset)]
-            starts.append(structure.flatten(_relaxed(robot, state, before)))
+            starts.append([*pose, *velocity[rows[0]], *turned[rows[0]], *inner[rows[0]]])
             angles.append(turned[rows])
             blocks.append(command[offset + past[begin : begin + length]].reshape(length, -1))
             clocks.append(log.time[rows] - log.time[0])
@@ -165,20 +167,12 @@ def _velocities(log: Log, robot: Robot) -> np.ndarray:
 
 def free_run(log: Log, model: Model, window: float = WINDOW) -> FreeRun:
     """Simulate a log's windows with a model from the measured drive input alone."""
-    windows = cut_windows(log, model, window)
+    windows, log = cut_windows(log, model, window), restored(log, model)
     rows = windows.index.ravel()
     states = windows.simulate(model.values()).reshape(len(rows), -1)
     simulated = _shown(log, model, windows, states)
     number = np.repeat(np.arange(len(windows.index)), windows.index.shape[1])
     return FreeRun(log.time[rows], simulated, log.velocity()[rows], number)
-
-
-def _relaxed(robot: Robot, state: State, command: np.ndarray) -> State:
-    """The state with the effects' own states as a held command and velocity leave them."""
-    if not any(state.internal):
-        return state
-    s = robot.signals(0.0, state.velocity, state.pose, state.wheel_angle, tuple(command), FLOAT)
-    return state._replace(internal=robot.deliver(s, state.internal, RELAXED, FLOAT)[1])
 
 
 def seen_by_sensors(robot: Robot, s: Signals, log: Log) -> tuple:

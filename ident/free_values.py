@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import null_space
 
+from ident.scopes import Scopes
 from youbot_env.dynamics import Theta
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
@@ -21,12 +22,12 @@ NEARBY = 2.0
 
 @dataclass(frozen=True, eq=False)
 class FreeValues:
-    """Values of a model that are estimated.
+    """Values of a model, for one record or several, that are estimated.
 
     Attributes:
-        directions: (P, K) in which they move; contrasts keep their mean.
-        low, high: (P,) ends.
-        curved: (P,) whether a law bends so much in a value that a step of it must stay near.
+        directions: (Z, K) in which they move; contrasts keep their mean.
+        low, high: (Z,) ends.
+        curved: (Z,) whether a law bends so much in a value that a step of it must stay near.
     """
 
     directions: np.ndarray
@@ -35,9 +36,44 @@ class FreeValues:
     curved: np.ndarray
 
     @classmethod
-    def of(cls, model: Model, free: tuple[str, ...] | None = None) -> FreeValues:
-        """Look at a model; ``free`` as ``free_directions`` takes it."""
-        return cls(free_directions(model, free), *value_bounds(model), _curved(model))
+    def of(
+        cls,
+        model: Model,
+        free: tuple[str, ...] | None = None,
+        scopes: Scopes | None = None,
+        fixed: list[set[str]] | None = None,
+        ends: list[dict[str, tuple[float, float]]] | None = None,
+    ) -> FreeValues:
+        """Look at a model.
+
+        Args:
+            model: gives names, effects and bounds.
+            free: as ``free_directions`` takes it.
+            scopes: lays out the values of several records; of one when None.
+            fixed: names that stay as they are, for each record.
+            ends: lowest and highest values by name, for each record, within those of the model.
+        """
+        scopes = scopes or Scopes.of(model, 1)
+        fixed = fixed or [set()] * len(scopes.index)
+        free = smooth_names(model) if free is None else free
+        blocks = []
+        for record, held in enumerate(fixed):
+            mine = scopes.own if record else np.ones(len(scopes.own), bool)
+            moving = tuple(n for n, m in zip(scopes.names, mine, strict=True)
+                           if m and n in free and n not in held)  # fmt: skip
+            blocks.append(scopes.spread(free_directions(model, moving), record))
+
+        def laid_out(per_value: np.ndarray) -> np.ndarray:
+            flat = np.empty(scopes.size, per_value.dtype)
+            flat[scopes.index] = per_value
+            return flat
+
+        low, high = map(laid_out, value_bounds(model))
+        for record, mine in enumerate(ends or []):
+            for name, (lowest, highest) in mine.items():
+                at = scopes.index[record, scopes.names.index(name)]
+                low[at], high[at] = max(low[at], lowest), min(high[at], highest)
+        return cls(np.concatenate(blocks, axis=1), low, high, laid_out(_curved(model)))
 
     @property
     def moving(self) -> np.ndarray:
@@ -62,14 +98,7 @@ def free_directions(model: Model, free: tuple[str, ...] | None = None) -> np.nda
         free: names that may move; when None all but those in which a law has no derivative.
     """
     names = model.names()
-    if free is None:
-        fixed = [
-            f"{a.identifier}.{name}"
-            for a in model.effects
-            for name in a.values
-            if not a.effect.parameter_of(name).smooth
-        ]
-        free = tuple(name for name in names if name not in fixed)
+    free = smooth_names(model) if free is None else free
     unit = np.eye(len(names))
     directions = [unit[:, [k]] for k, name in enumerate(names) if name in free]
     for active in model.effects:
@@ -85,6 +114,17 @@ def free_directions(model: Model, free: tuple[str, ...] | None = None) -> np.nda
                 kept = [d for d in directions if not np.any(d[members])]
                 directions = [*kept, unit[:, members] @ null_space(np.ones((1, len(members))))]
     return np.concatenate(directions, axis=1) if directions else np.zeros((len(names), 0))
+
+
+def smooth_names(model: Model) -> tuple[str, ...]:
+    """Names of the values in which all laws have a derivative."""
+    fixed = {
+        f"{a.identifier}.{name}"
+        for a in model.effects
+        for name in a.values
+        if not a.effect.parameter_of(name).smooth
+    }
+    return tuple(name for name in model.names() if name not in fixed)
 
 
 def value_bounds(

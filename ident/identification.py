@@ -8,20 +8,16 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from ident.estimators import (
-    CLUSTERS,
-    Estimate,
-    durbin_wu_hausman,
-    instrumental_variables,
-    least_squares,
-    reference_motion,
-)
+from ident.estimators import CLUSTERS, Estimate, durbin_wu_hausman
 from ident.free_run import FreeRun, free_run
+from ident.instruments import without_instruments
+from ident.linear_estimation import LinearEstimation
 from ident.log import Log
 from ident.observability import Observability, observe_regression
 from ident.output_error import OutputError, refine
 from ident.physical import doubts, invisible
 from ident.quantities import Quantity, annotated, quantities
+from ident.recording import Instrument, find_recordings, with_free_clocks
 from ident.recursive import history
 from ident.regression import CORNER, Regression, build_regression
 from ident.seen import Seen
@@ -53,7 +49,8 @@ class Identification:
         track: times (K,) s and recursive estimates (K, P), paper Fig. 6.
         residual_nrmse: (4,) equation error by axis and in all.
         fit_run, test_run: free run on the (first) fit log and on the test log.
-        logs, test: what was used.
+        logs, test: what was used; they state what was found of their recording.
+        recording: how the rows of every log came to be.
         refinement: result of the free-run refinement, where it was asked for.
     """
 
@@ -76,6 +73,7 @@ class Identification:
     test_run: FreeRun | None
     logs: tuple[Log, ...]
     test: Log | None
+    recording: tuple[Instrument, ...]
     refinement: OutputError | None
 
     def as_dict(self) -> dict[str, Any]:
@@ -96,6 +94,7 @@ class Identification:
             "undetermined": list(self.observability.words),
             "invisible": self.invisible,
             "doubts": self.doubts,
+            "recording": [one.as_dict() for one in self.recording],
             "fit": fit,
             "effects": {
                 name: {k: q.as_dict() for k, q in values.items()}
@@ -132,11 +131,16 @@ def identify(
             nothing.
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
-    prior = load_model(model)
+    prior = without_instruments(load_model(model))
     effects = dict.fromkeys(add) if isinstance(add, tuple | list) else dict(add)
     prior = _with_added(prior, effects) if effects else prior
     prior = replace(prior, platform=logs[0].platform)
     instruments = _choose(method, logs)
+    # A robot that answers late counts as a clock that is early, unless an effect stands for it.
+    late = any(active.effect.late for active in prior.effects)
+    records = find_recordings(logs, prior, signed=not late)
+    tested = [] if test is None else find_recordings([test], prior, signed=not late)
+    logs, test = [record.log for record in records], tested[0].log if tested else None
     model = prior
     for _ in range(RELINEARIZATIONS if prior.effects else 1):
         regression, velocity = _rows(logs, model, corner)
@@ -146,26 +150,21 @@ def identify(
             names = ", ".join(log.name for log in logs)
             raise ValueError(f"no parameter leaves a trace in {names}; record a livelier motion")
         seen = Seen.of(observability, regression, start, model)
-        reduced = seen.reduce(regression)
-        found = {"least squares": least_squares(reduced, None, clusters)}
-        if instruments:
-            rows = [build_regression(log, model, corner, reference_motion).H for log in logs]
-            robust = _instrumented(reduced, np.concatenate(rows) @ seen.basis, clusters)
-            if robust is not None:
-                found["instrumental variables"] = robust
-            elif method == "iv":
-                raise ValueError(
-                    "the reference columns do not hold the motion that was driven and cannot "
-                    "serve as instruments; use ls"
-                )
+        found = LinearEstimation(seen, model, corner, clusters, instruments).of(records, regression)
+        if method == "iv" and len(found) < 2:
+            raise ValueError(
+                "the reference columns do not hold the motion that was driven and cannot "
+                "serve as instruments; use ls"
+            )
         estimates = {method: seen.restore(estimate) for method, estimate in found.items()}
         chosen = list(estimates)[-1]
         model = with_estimate(prior, estimates[chosen], name)
     refinement, factor = None, estimates[chosen].quantile
     curved = any(not a.effect.parameter_of(n).linear for a in prior.effects for n in a.values)
     if method == "free-run" or (method == "auto" and curved):
-        refinement = refine(logs, model)
-        model, chosen = replace(refinement.model, name=name), "free run"
+        free, start, ends = with_free_clocks(records, model)
+        refinement = refine(free, start, ends=ends)
+        model, chosen = replace(without_instruments(refinement.model), name=name), "free run"
         factor = float(stdtrit(max(refinement.windows - 1, 1), 0.975))
         regression, velocity = _rows(logs, model, corner)
     parameters, lumped, extra = quantities(model, seen, factor, chosen)
@@ -189,6 +188,7 @@ def identify(
         test_run=free_run(test, model) if test is not None else None,
         logs=tuple(logs),
         test=test,
+        recording=tuple(one for record in (*records, *tested) for one in record.instruments),
         refinement=refinement,
     )
 
@@ -228,15 +228,6 @@ def _choose(method: str, logs: list[Log]) -> bool:
             "columns (reference_vx, reference_vy, reference_yaw_rate); record them or use ls"
         )
     return method != "ls" and not without
-
-
-def _instrumented(regression: Regression, rows: np.ndarray, clusters: int) -> Estimate | None:
-    """The instrumental estimate, or None where the instruments leave something unmoved."""
-    try:
-        estimate = instrumental_variables(regression, rows, None, clusters)
-    except np.linalg.LinAlgError:
-        return None
-    return estimate if np.all(estimate.standard_errors > 0) else None
 
 
 def _linear_values(model: Model, names: tuple[str, ...]) -> np.ndarray:

@@ -14,8 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ident.dead_reckoning import wheel_speeds
 from ident.log import Log
-from ident.signals import wheel_speeds
 from ident.white_noise import AMPLIFIED, second_differences, spread
 
 # Drawings of noise; each serves twice, with either sign, so that all but the bias cancels.

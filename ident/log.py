@@ -9,13 +9,15 @@ from __future__ import annotations
 import hashlib
 import itertools
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from ident.doctor import Finding, LogError, examine
 from ident.loaders import read
+from ident.recent import Recent
 from youbot_env.channels import channel_columns
 from youbot_env.model_file import write_atomically
 from youbot_env.platform import Platform, youbot
@@ -28,7 +30,12 @@ CHANNELS = (
     "reference",
     "pose",
     "battery_voltage",
+    "wheel_angle",
 )
+
+
+# Those that a file may hold.
+FILED = tuple(channel for channel in CHANNELS if channel != "wheel_angle")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +54,12 @@ class Log:
         reference: (N, 3) commanded body velocity, m/s, m/s, rad/s, or None.
         pose: (N, 3) x, y m, yaw rad (without jumps), world frame, or None.
         battery_voltage: (N,) V, or None.
+        wheel_angle: (N, n) rad from the start of the record, where it was integrated before the
+            log was cut or thinned; files have none.
         starts: samples at which a contiguous piece begins, the first being 0.
         findings: what the doctor noticed.
+        recording: declared sensor effects with their values, by identifier; how a row came to be
+            is then taken as given.
         digest: SHA-256 of the file in hexadecimal digits; empty for a log not read from a file.
         source: name of the file.
     """
@@ -63,8 +74,10 @@ class Log:
     reference: np.ndarray | None = None
     pose: np.ndarray | None = None
     battery_voltage: np.ndarray | None = None
+    wheel_angle: np.ndarray | None = None
     starts: tuple[int, ...] = (0,)
     findings: tuple[Finding, ...] = ()
+    recording: dict[str, dict[str, float]] = field(default_factory=dict)
     digest: str = ""
     source: str = ""
 
@@ -77,7 +90,8 @@ class Log:
             value = getattr(self, channel)
             if value is None:
                 continue
-            array = np.array(value, float)
+            frozen = isinstance(value, np.ndarray) and not value.flags.writeable
+            array = value if frozen and value.dtype == float else np.array(value, float)
             if array.shape != shape:
                 raise ValueError(
                     f"log {self.name!r}: {channel} has shape {array.shape}, it needs {shape}"
@@ -118,7 +132,7 @@ class Log:
         findings = tuple(record.findings)
         if strict and any(finding.severity == "warning" for finding in findings):
             raise LogError(path.name, [f for f in findings if f.severity == "warning"])
-        values = {channel: record.get(channel) for channel in CHANNELS}
+        values = {channel: record.get(channel) for channel in FILED}
         if values["battery_voltage"] is not None:
             values["battery_voltage"] = values["battery_voltage"][:, 0]
         if values["pose"] is not None:
@@ -133,6 +147,11 @@ class Log:
             digest=digest.result(),
             source=path.name,
         )
+
+    @cached_property
+    def recent(self) -> Recent:
+        """What was computed from the log last."""
+        return Recent()
 
     @property
     def dt(self) -> float:
@@ -211,7 +230,7 @@ class Log:
 
         columns = {"time": self.time}
         for channel, names in channel_columns(self.platform).items():
-            value = getattr(self, channel) if channel in CHANNELS else None
+            value = getattr(self, channel) if channel in FILED else None
             if value is not None:
                 columns |= dict(zip(names, value.reshape(len(value), -1).T, strict=True))
         return write_atomically(path, pl.DataFrame(columns).write_csv().encode("utf-8"))

@@ -14,8 +14,10 @@ import numpy as np
 
 from ident.free_values import FreeValues
 from ident.input_noise import noisier
+from ident.instruments import adapted, stated
 from ident.log import Log
 from ident.scaled_fit import ScaledFit
+from ident.scopes import Scopes
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
 
@@ -32,21 +34,28 @@ class OutputError:
     """Result of a refinement.
 
     Attributes:
-        model: the model with refined values.
-        covariance: (P, P) of ``model.names()``, from the scatter between windows and what is not
-            known of the wheel angles; None where it was not asked for.
+        models: the model with refined values, for each log; they share those of the robot.
+        covariance: (Z, Z) of all values as ``scopes`` lays them out, from the scatter between
+            windows and what is not known of the wheel angles; None where it was not asked for.
+        scopes: which values the logs share.
         windows: number of windows.
         cost: half the sum of squared scaled errors, before and after.
         converged: whether further steps would not have helped.
         simulations: each log simulated with the refined model.
     """
 
-    model: Model
+    models: tuple[Model, ...]
     covariance: np.ndarray | None
+    scopes: Scopes
     windows: int
     cost: tuple[float, float]
     converged: bool
     simulations: tuple[Linearised, ...]
+
+    @property
+    def model(self) -> Model:
+        """The model of the first log."""
+        return self.models[0]
 
 
 @np.errstate(all="ignore")  # guesses that run away are told by their cost
@@ -60,12 +69,14 @@ def refine(
     weights: list[np.ndarray] | None = None,
     tolerance: float = TOLERANCE,
     intervals: bool = True,
+    ends: list[dict[str, tuple[float, float]]] | None = None,
 ) -> OutputError:
     """Refine a model by output error.
 
     Args:
         logs: measured records.
-        model: start values; of several the best are taken.
+        model: start values; of several the best are taken.  What a log states about its own
+            recording is taken as given for it.
         free: names (of ``model.names()``) to estimate; when None all in which laws are smooth.
         window: length of the windows, s; chosen from each log's duration when None.
         iterations: most Gauss-Newton steps.
@@ -74,21 +85,27 @@ def refine(
         tolerance: share of the sum of squares that a step must remove to be worth another.
         intervals: whether the covariance is wanted, and what noise of the torques does to the
             values taken back, which takes a while.
+        ends: for each log, lowest and highest values by name, within those of the model.
 
     Returns:
         The refined model with its covariance.  Contrast parameters keep their mean.
     """
     starts = [model] if isinstance(model, Model) else model
-    model, free_values = starts[0], FreeValues.of(starts[0], free)
+    model, scopes = starts[0], Scopes.of(starts[0], len(logs))
+    fixed = [set(stated(model, log)) for log in logs]
+    free_values = FreeValues.of(model, free, scopes, fixed, ends)
 
     def at(values, logs: list[Log] = logs) -> ScaledFit:
-        return ScaledFit.at(logs, model.with_values(values), window, keep, weights)
+        return ScaledFit.at(logs, scopes.split(values, model), window, keep, weights)
 
-    fits = [at(free_values.within(start.values())) for start in starts]
+    fits = [
+        at(free_values.within(scopes.join([adapted(start, log) for log in logs])))
+        for start in starts
+    ]
     now = min(fits, key=lambda fit: fit.cost)
     first, converged, gentlest = now.cost, False, 0
     for _ in range(iterations):
-        values, better = np.array(now.model.values()), None
+        values, better = now.values, None
         for level in range(gentlest, len(DAMPING)):
             step, promised = now.step(free_values, DAMPING[level])
             if promised < tolerance * now.cost:
@@ -101,20 +118,24 @@ def refine(
             now, converged = better or now, True
             break
         now = better
-    refined, covariance = now.model, None
+    models, covariance = now.models, None
     if intervals:
-        covariance, values = now.covariance(free_values), np.array(refined.values())
+        covariance, values = now.covariance(free_values), now.values
         steps = [at(values, noisy).step(free_values, 0.0)[0] for noisy in noisier(logs)]
         if steps:
             bias = _credible(np.mean(steps, axis=0), np.sqrt(np.diag(covariance)))
             now = at(free_values.within(values - bias))
-        refined = replace(now.model, covariance=covariance.tolist())
+        models = tuple(
+            replace(one, covariance=covariance[np.ix_(places, places)].tolist())
+            for one, places in zip(now.models, scopes.index, strict=True)
+        )
     clusters = int(now.groups[-1]) + 1
-    return OutputError(refined, covariance, clusters, (first, now.cost), converged, now.simulations)
+    costs = first, now.cost
+    return OutputError(models, covariance, scopes, clusters, costs, converged, now.simulations)
 
 
 def _credible(bias: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """The bias (P,), shortened where it exceeds what one linear step can tell."""
+    """The bias (Z,), shortened where it exceeds what one linear step can tell."""
     known = errors > 0
     largest = float(np.max(np.abs(bias[known]) / errors[known], initial=0.0))
     return bias * min(1.0, LARGEST_BIAS / max(largest, 1e-12))

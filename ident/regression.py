@@ -14,6 +14,7 @@ from scipy.linalg import null_space
 
 from ident.filters import FirstOrderFilter
 from ident.log import Log
+from ident.restored import restored
 from ident.signals import Measured, measure
 from youbot_env import dynamics
 from youbot_env.backend import NUMPY
@@ -85,7 +86,7 @@ def build_regression(
     """Build the regression of a log in theta and in the linear parameters of the model's effects.
 
     Args:
-        log: measured record with wheel torques.
+        log: measured record with wheel torques; the model's instruments are undone here.
         model: platform and effects; nonlinear parameters of effects stay at the model's values.
         corner: corner of the filters, rad/s.
         transform: replaces each piece before columns are built (instruments from a simulation).
@@ -95,7 +96,7 @@ def build_regression(
     Raises:
         ValueError: no piece is long enough.
     """
-    parts = []
+    parts, log = [], restored(log, model)
     for number, piece in enumerate(log.pieces()):
         skip = int(np.searchsorted(piece.time, piece.time[0] + settle / corner))
         if len(piece.time) - skip < 2:
@@ -121,6 +122,8 @@ def linear_names(model: Model) -> tuple[str, ...]:
     """Names of the parameters that enter linearly: theta, then those of effects."""
     names = list(Theta._fields)
     for active in model.effects:
+        if active.effect.link == "sensor":
+            continue
         linear = [name for name in active.values if active.effect.parameter_of(name).linear]
         names += [f"{active.identifier}.{name}" for name in linear]
     return tuple(names)

@@ -19,10 +19,12 @@ from functools import cached_property
 
 import numpy as np
 
+from ident.dead_reckoning import wheel_angles
 from ident.free_run import Windows, cut_windows, seen_by_sensors
 from ident.log import Log
 from ident.recent import Recent, part_of
-from ident.signals import delivered_torques, observed_motion, wheel_angles
+from ident.restored import INSTRUMENTS, restored
+from ident.signals import delivered_torques, observed_motion
 from youbot_env import dynamics
 from youbot_env.backend import NUMPY
 from youbot_env.effects.base import Signals
@@ -52,11 +54,13 @@ class Linearised:
     """A log simulated with a model, and the linear equation of small deviations.
 
     Attributes:
-        log, model: what is simulated with what.
+        raw, model: what is simulated with what.
+        log: the record with the model's instruments undone.
         windows: the cut log.
         states: (W, L + 1, size) simulated states, the start of each window first.
     """
 
+    raw: Log
     log: Log
     model: Model
     windows: Windows
@@ -71,7 +75,10 @@ class Linearised:
         """
         windows = cut_windows(log, model, window or window_length(log), COARSE)
         after = windows.simulate(model.values())
-        return cls(log, model, windows, np.concatenate([windows.start.T[:, None], after], axis=1))
+        seen = restored(log, model)
+        return cls(
+            log, seen, model, windows, np.concatenate([windows.start.T[:, None], after], axis=1)
+        )
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -85,9 +92,12 @@ class Linearised:
         Outputs are the wheel speeds, rad/s, or, where they were measured by themselves, the body
         velocities, m/s, m/s, rad/s.
         """
-        log = self.log
-        measured = log.wheel_velocity if log.body_velocity is None else log.body_velocity
-        return measured[self.windows.index] - self._shaped(self._present[1])
+        return _output(self.raw)[self.windows.index] - self._shaped(self._present[1])
+
+    @property
+    def measured(self) -> np.ndarray:
+        """(N, m) what the outputs are compared with, the instruments undone."""
+        return _output(self.log)
 
     def value_columns(self, chosen: np.ndarray | None = None) -> np.ndarray:
         """(W, L, m, k) derivatives of the outputs by the values of the model, or chosen ones."""
@@ -171,15 +181,18 @@ class Linearised:
         robot, rest = structure.bind(values), structure.rest().internal
         rolling = part_of(model, values, ("kinematics",))
         reads = robot.reads_pose, robot.reads_wheel_angle
+        instruments = part_of(model, values, INSTRUMENTS)
+        log = restored(self.raw, model, values)
 
         def motions() -> list[tuple]:
-            return [observed_motion(p, robot, self.log.time[0]) for p in self.log.pieces()]
+            return [observed_motion(p, robot, log.time[0]) for p in log.pieces()]
 
         def delivered() -> tuple:
-            seen = self._recent.of(("motions", rolling, reads), motions)
-            return tuple(delivered_torques(self.log, model, values, seen)[self._rows].T)
+            seen = self._recent.of(("motions", rolling, reads, instruments), motions)
+            return tuple(delivered_torques(log, model, values, seen)[self._rows].T)
 
-        torque = self._recent.of(("torque", part_of(model, values, DRIVE)), delivered)
+        driven = part_of(model, values, DRIVE)
+        torque = self._recent.of(("torque", driven, instruments), delivered)
         s = self._signals(robot, self._middle, 0.5, ("middle", rolling), ahead)
         wrench = robot.wrench(torque, s, rest, NUMPY)
         placed = (rolling, part_of(model, values, ("inertial",)), tuple(values[:7]))
@@ -190,10 +203,14 @@ class Linearised:
             s = self._signals(robot, self._end, 1.0, ("end", rolling), ahead)
             if robot.acting("slip"):
                 robot.wrench(torque, s, rest, NUMPY)
-            return self._stack(seen_by_sensors(robot, s, self.log))
+            shown = self._stack(seen_by_sensors(robot, s, self.log))
+            # What an instrument did to the velocities it does to those that are simulated.
+            if _output(log) is _output(self.raw):
+                return shown
+            return shown + (_output(self.raw) - _output(log))[self.windows.index.ravel()].T
 
         if ahead is None and not robot.acting("slip"):
-            return acceleration, self._recent.of(("outputs", rolling), outputs)
+            return acceleration, self._recent.of(("outputs", rolling, instruments), outputs)
         return acceleration, outputs()
 
     @cached_property
@@ -276,3 +293,8 @@ class Linearised:
 
     def _stack(self, components) -> np.ndarray:
         return np.array([np.broadcast_to(c, len(self._rows)) for c in components], float)
+
+
+def _output(log: Log) -> np.ndarray:
+    """(N, m) what a simulation is compared with: body velocities if measured, else wheel speeds."""
+    return log.wheel_velocity if log.body_velocity is None else log.body_velocity

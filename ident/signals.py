@@ -8,15 +8,18 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from ident.dead_reckoning import dead_reckoning, wheel_angles
 from ident.filters import delayed_hold
 from ident.log import Log
-from youbot_env.backend import NUMPY, casadi_ops
+from youbot_env.backend import FLOAT, NUMPY, casadi_ops
 from youbot_env.compiled import Hidden
 from youbot_env.dynamics import factorize, solve
 from youbot_env.effects.base import Signals
 from youbot_env.model import Model
 from youbot_env.plant import Robot, Structure
-from youbot_env.stepping import pose_rate
+
+# Long enough for lags and bristles to follow what is held, s.
+RELAXED = 10.0
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,7 @@ def observed_motion(piece: Log, robot: Robot, origin: float) -> tuple:
     angle = tuple(wheel_angles(piece).T) if robot.reads_wheel_angle else ()
     pose = ()
     if robot.reads_pose:
-        pose = _odometry(piece.time, v) if piece.pose is None else tuple(piece.pose.T)
+        pose = tuple((dead_reckoning(piece) if piece.pose is None else piece.pose).T)
     if not robot.acting("kinematics"):
         return v, pose, angle, None
     geometry = robot.signals(piece.time - origin, v, pose, angle, (), NUMPY).geometry
@@ -104,18 +107,6 @@ def observed_motion(piece: Log, robot: Robot, origin: float) -> tuple:
 def body_velocity(geometry, wheel_velocity: tuple) -> tuple:
     """Least-squares body velocities of measured wheel speeds, by components."""
     return solve(factorize(geometry.wheel_metric), geometry.wrench(wheel_velocity))
-
-
-def wheel_angles(log: Log) -> np.ndarray:
-    """(N, n) wheel angles integrated from their speeds, rad, zero at the first sample."""
-    return np.stack([_integral(log.time, column) for column in wheel_speeds(log).T], axis=1)
-
-
-def wheel_speeds(log: Log) -> np.ndarray:
-    """(N, n) measured wheel speeds, rad/s, or those of the measured body velocities."""
-    if log.wheel_velocity is None:
-        return log.velocity() @ log.platform.jacobian_array.T
-    return log.wheel_velocity
 
 
 def delivered_torques(
@@ -136,15 +127,18 @@ def delivered_torques(
     return np.concatenate(parts)
 
 
-def _odometry(time: np.ndarray, v: tuple) -> tuple:
-    yaw = _integral(time, v[2])
-    rate = pose_rate(v, yaw, NUMPY)
-    return _integral(time, rate[0]), _integral(time, rate[1]), yaw
+def internal_states(log: Log, model: Model) -> np.ndarray:
+    """(N, S) states that a model's effects carry (torques of a lag, bristles) at each sample.
 
-
-def _integral(time: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    areas = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time)
-    return np.concatenate([[0.0], np.cumsum(areas)])
+    They are followed through each contiguous piece along the measured motion, from what a long hold
+    of its first row leaves.
+    """
+    structure = Structure.of(model)
+    size = sum(map(len, structure.rest().internal))
+    if not size:
+        return np.empty((len(log.time), 0))
+    pieces = [measure(piece, model, origin=log.time[0]) for piece in log.pieces()]
+    return np.concatenate([_followed(p.robot, structure, p.signals)[1] for p in pieces])
 
 
 def _deliver(robot: Robot, structure: Structure, s: Signals) -> tuple:
@@ -154,17 +148,29 @@ def _deliver(robot: Robot, structure: Structure, s: Signals) -> tuple:
                   if effect.acts("drive"))  # fmt: skip
     if not carries:
         return robot.deliver(s, rest, 0.0, NUMPY)[0]
+    return tuple(_followed(robot, structure, s)[0])
+
+
+def _followed(robot: Robot, structure: Structure, s: Signals) -> tuple[np.ndarray, np.ndarray]:
+    """Torques delivered in each interval (n, N), and the effects' states at its start (N, S)."""
     steps = np.append(np.diff(s.t), s.t[-1] - s.t[-2])
     along = _drive_function(structure.key, len(s.t), Hidden(structure))
     parts = [(*s.v, *s.wheel_angle), s.command, (np.asarray(s.t) + 0.0 * steps,), (steps,)]
     inputs = [np.array([np.broadcast_to(c, len(s.t)) for c in part]) for part in parts]
     values = np.array(robot.values)
-    return tuple(np.asarray(along(*inputs[:2], values, *inputs[2:])))
+    first = [float(np.ravel(c)[0]) for c in (*s.v, *s.wheel_angle)]
+    held = tuple(float(np.ravel(c)[0]) for c in s.command)
+    pose = tuple(float(np.ravel(c)[0]) for c in s.pose) or (0.0, 0.0, 0.0)
+    beginning = robot.signals(float(s.t[0]), tuple(first[:3]), pose, tuple(first[3:]), held, FLOAT)
+    start = robot.deliver(beginning, structure.rest().internal, RELAXED, FLOAT)[1]
+    torque, after = along(np.array(sum(start, ())), *inputs[:2], values, *inputs[2:])
+    states = np.concatenate([np.array(sum(start, ()))[None], np.asarray(after).T[:-1]])
+    return np.asarray(torque), states
 
 
 @lru_cache(maxsize=16)
 def _drive_function(key: tuple, count: int, hidden: Hidden) -> ca.Function:
-    """Torques delivered in each of ``count`` intervals by a drive that carries states.
+    """Torques delivered in each of ``count`` intervals, and the states after them.
 
     The torque half way through an interval stands for its mean.
     """
@@ -191,11 +197,10 @@ def _drive_function(key: tuple, count: int, hidden: Hidden) -> ca.Function:
     ).mapaccum("drives", count)
     inputs = [ca.MX.sym(name, size, count) for name, size in
               (("motion", 3 + angles), ("command", wheels), ("clock", 1), ("step", 1))]  # fmt: skip
-    flat = ca.MX.sym("values", structure.value_count)
+    flat, start = ca.MX.sym("values", structure.value_count), ca.MX.sym("start", state.numel())
     motion, command, clock, step = inputs
-    start = ca.DM.zeros(state.numel())
-    shown = one(start, motion, command, ca.repmat(flat, 1, count), clock, step)[1]
-    return ca.Function("delivered", [motion, command, flat, clock, step], [shown])
+    after, shown = one(start, motion, command, ca.repmat(flat, 1, count), clock, step)
+    return ca.Function("delivered", [start, motion, command, flat, clock, step], [shown, after])
 
 
 def _rows(s: Signals, rows) -> Signals:

@@ -6,10 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from ident.instruments import HOLD, OFFSET, lead_of
 from ident.log import CHANNELS, Log
+from youbot_env.measurement import HELD, HOLDS
 
 # What drives the wheels is held from its sample on; everything else is seen at its sample.
-HELD = ("wheel_torque", "wheel_voltage")
+INPUTS = ("wheel_torque", "wheel_voltage")
+# Denser samples, s, tell nothing more of a robot of this size.
+DENSE = 0.01
 
 
 def thinned(log: Log, interval: float) -> Log:
@@ -42,9 +46,20 @@ def thinned(log: Log, interval: float) -> Log:
         values["pose"] = np.column_stack([log.pose[:, :2], np.unwrap(log.pose[:, 2])])
     means = {
         name: np.einsum("k,nk...->n...", share / size, value[held])
-        if name in HELD
+        if name in INPUTS
         else value[seen].mean(axis=1)
         for name, value in values.items()
         if value is not None
     }
-    return replace(log, **means, starts=tuple(starts))
+    return replace(log, **means, starts=tuple(starts), recording=_recording(log))
+
+
+def _recording(log: Log) -> dict[str, dict[str, float]]:
+    """What is stated about the recording, for means that act as held input does."""
+    stated = dict(log.recording)
+    if HOLD in stated or OFFSET in stated:
+        hold = HOLDS[round(stated.get(HOLD, {"kind": 0.0})["kind"])]
+        stated[HOLD] = {"kind": float(HOLDS.index(HELD))}
+        if OFFSET in stated:
+            stated[OFFSET] = {"d": stated[OFFSET]["d"] + lead_of(hold, log.dt)}
+    return stated

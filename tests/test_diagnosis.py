@@ -13,16 +13,17 @@ from shared_data import shared
 from ident import diagnose
 from ident.benchmark.cases import Case, record_case
 from ident.benchmark.outside import FloorPatches, LateralCubicDrag
+from ident.contradiction import wheels_agree
 from ident.diagnosis.dependence import dependences
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.experiment import distance, separating
-from ident.diagnosis.floor import noise_floor, wheels_agree
 from ident.diagnosis.menu import FOLDER, menu
 from ident.diagnosis.orders import strongest_orders
 from ident.diagnosis.parts import FIT, SELECT, VERIFY, divide
 from ident.diagnosis.rivals import refit
 from ident.diagnosis.trials import trials
 from ident.log import Log
+from ident.noise_floor import noise_floor
 from ident.output_error import refine
 from ident.scaled_fit import scaled_error
 from ident.sensitivity import Linearised
@@ -207,7 +208,7 @@ def test_held_out_gain_of_pure_noise_is_nothing(quiet):
     parts = divide([fit], test, NOMINAL)
     refined, simulations = refit(parts, NOMINAL)
     generic = dependences([fit, test])
-    tried = trials(refined.model, fit)
+    tried = trials(refined.model, [fit])
     evidence = Evidence.of(parts, list(simulations), tried, generic)
     gains = [evidence.gain(k) for k in range(len(evidence.columns))]
     assert max(gains) < 0.06

@@ -10,7 +10,7 @@ from youbot_env import stepping
 from youbot_env.backend import FLOAT, NUMPY
 from youbot_env.compiled import Stepper, advance_function
 from youbot_env.effect_table import effect_table
-from youbot_env.effects import Effect, Signals, effect_names, get_effect
+from youbot_env.effects import HOOKS, LINKS, Effect, Signals, effect_names, get_effect
 from youbot_env.model import Model
 from youbot_env.parameters import Parameters
 from youbot_env.plant import Structure
@@ -19,8 +19,8 @@ from youbot_env.platform import omni3, youbot
 PLATFORM = youbot()
 PAPER = Parameters(m0=35.3, I0=4.4, I1=6e-3, a_x=0.016, a_y=-0.026, mu1=0.11, mu2=5.78e-3)
 NAMES = effect_names()
-LINKS = {"drive", "shaft", "roller", "body", "kinematics"}
-HOOKS = ("drive", "delay", "shaft", "roller", "body", "inertial", "kinematics", "slip")
+# Those of the robot; effects of the recording are tested in test_sensor_effects.py.
+LAWS = [name for name in NAMES if get_effect(name).link != "sensor"]
 DT, SUBSTEPS = 0.01, 2
 # A record under way: what drifts has drifted, and a payload changes during five seconds.
 START = 58.0
@@ -88,6 +88,7 @@ def test_what_an_effect_states_about_itself(name):
         low, high = parameter.bounds
         assert low <= parameter.default <= high
         assert parameter.meaning
+        assert parameter.scope == ("record" if effect.link == "sensor" else parameter.scope)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -136,7 +137,7 @@ def test_same_on_floats_batches_and_symbols(name, platform):
 
 
 @pytest.mark.parametrize(
-    "name", [n for n in NAMES if any(p.linear for p in get_effect(n).parameters)]
+    "name", [n for n in LAWS if any(p.linear for p in get_effect(n).parameters)]
 )
 def test_linear_parameters_are_linear(name):
     effect, rng = get_effect(name), np.random.default_rng(4)
@@ -224,7 +225,7 @@ def undisturbed():
     return drive_five_seconds(Model(PLATFORM, PAPER))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", LAWS)
 def test_typical_size_is_felt_and_stays_finite(name, undisturbed):
     states = drive_five_seconds(model_with(name))
     assert np.isfinite(states).all()

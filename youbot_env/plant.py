@@ -122,9 +122,10 @@ class Robot:
                 (entry for entry in bound if entry[1].acts(hook)), key=lambda e: e[1].order
             )
             for hook in ("drive", "delay", "shaft", "roller", "body", "inertial", "kinematics",
-                         "slip")
+                         "slip", "restore")
         }  # fmt: skip
-        self.simple = not bound
+        # Instruments leave the robot as it is.
+        self.simple = all(effect.link == "sensor" for _, effect, _ in bound)
         self.reads_pose = any(effect.needs_pose for _, effect, _ in bound)
         self.reads_wheel_angle = any(effect.needs_wheel_angle for _, effect, _ in bound)
         self._constant = not (self._hooks["inertial"] or self._hooks["kinematics"])

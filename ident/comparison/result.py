@@ -8,7 +8,7 @@ signal's rms about its mean.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,9 @@ from ident.comparison.ripple import Harmonic, harmonics
 from ident.comparison.shares import DRAWS, Regime, locate
 from ident.comparison.stretches import LEAST_WINDOWS, Stretch, window_errors, worst_stretches
 from ident.free_run import WINDOW, FreeRun, free_run
+from ident.instruments import without_instruments
 from ident.log import Log
+from ident.recording import Instrument, find_recordings
 from ident.regression import AXES, Regression, build_regression
 from youbot_env.model import Model
 
@@ -34,7 +36,8 @@ class Comparison:
 
     Attributes:
         model: the model.
-        log: what it is compared with.
+        log: what it is compared with; states what was found of its recording.
+        recording: how its rows came to be.
         run: its free run.
         run_ci95: interval of ``run.nrmse`` over the windows; None where there are too few.
         regression: the rows of the equations.
@@ -57,6 +60,7 @@ class Comparison:
     where: tuple[Regime, ...]
     ripple: tuple[Harmonic, ...]
     worst: tuple[Stretch, ...]
+    recording: tuple[Instrument, ...] = ()
 
     @property
     def run_nrmse(self) -> np.ndarray:
@@ -90,6 +94,7 @@ class Comparison:
             "free_run_ci95": None if self.run_ci95 is None else list(self.run_ci95),
             "equation_rms": _named(AXES, self.force_rmse)
             | {"units": dict(zip(AXES, self.force_units, strict=True))},
+            "recording": [one.as_dict() for one in self.recording],
             "harmonics": [harmonic.as_dict() for harmonic in self.ripple],
             "worst": [stretch.as_dict() for stretch in self.worst],
         }
@@ -114,10 +119,16 @@ def compare(
     Raises:
         ValueError: a model on another platform, or a log without drive input or too short.
     """
-    found = []
-    for number, model in enumerate(models, start=1):
+    models, found = [without_instruments(model) for model in models], []
+    for model in models:
         check_platform(log, model)
-        found.append(_compare(log, model, window, seed))
+    # The recording is found once, beside the model that knows most: it is the same for all.
+    most = max(models, key=lambda model: len(model.effects))
+    late = any(active.effect.late for model in models for active in model.effects)
+    record = find_recordings([log], most, signed=not late)[0]
+    for number, model in enumerate(models, start=1):
+        one = _compare(record.log, model, window, seed)
+        found.append(replace(one, recording=record.instruments))
         if progress is not None:
             progress(number)
     return found

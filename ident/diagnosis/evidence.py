@@ -21,6 +21,7 @@ from ident.diagnosis.rows import averaged, score, stretches
 from ident.diagnosis.significance import wild_p_values
 from ident.diagnosis.trials import Trial
 from ident.free_values import free_directions, value_bounds
+from ident.scopes import parameter_scope
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
 
@@ -39,10 +40,12 @@ class Evidence:
     """Inner products of errors and traces.
 
     Attributes:
-        model: the base model.
+        model: the base model of the first log.
         trials: effects that were tried; a number below counts them and, after them, dependences.
         dependences: generic functions that compete with them.
-        columns: column numbers of each trial and dependence.
+        columns: column numbers of each trial and dependence; what belongs to a record has columns
+            of its own for every log, those of the first log first.
+        directions: (P, base) what a base column moves of the first log's model.
         grams: (W, n, n) inner products in every window; the base parameters' columns come first,
             the error last.  Columns are scaled to equal length.
         scale: (n - 1,) lengths before scaling.
@@ -55,6 +58,7 @@ class Evidence:
     trials: tuple[Trial, ...]
     dependences: tuple[Dependence, ...]
     columns: tuple[np.ndarray, ...]
+    directions: np.ndarray
     grams: np.ndarray
     scores: np.ndarray
     scale: np.ndarray
@@ -78,16 +82,24 @@ class Evidence:
             found: the trials.
             generic: the dependences.
         """
-        model = simulations[0].model
+        model, count = simulations[0].model, len(parts)
         directions = free_directions(model)
         moving = np.any(directions != 0, axis=1)
-        pairs = [pair for trial in found for pair in trial.pairs]
+        of_record = np.array([parameter_scope(model, name) == "record" for name in model.names()])
+        own_columns = np.any(directions[of_record] != 0, axis=0)
         grams, role, log, tested = [], [], [], []
         for number, (part, sim) in enumerate(zip(parts, simulations, strict=True)):
-            own = averaged(sim, sim.value_columns(moving)) @ directions[moving]
+            values = averaged(sim, sim.value_columns(moving)) @ directions[moving]
+            own = np.concatenate(
+                [values[..., ~own_columns], _placed(values[..., own_columns], number, count)], -1
+            )
+            mine = [trial.on(sim.model) for trial in found]
+            pairs = [pair for trial in mine for pair in trial]
             traces, mixed, at = averaged(sim, sim.model_columns(pairs)), [], 0
             for trial in found:
-                mixed.append(traces[..., at : at + len(trial.pairs)] @ trial.mix)
+                trace = traces[..., at : at + len(trial.pairs)] @ trial.mix
+                of_log = trial.effect.scope() == "record"
+                mixed.append(_placed(trace, number, count) if of_log else trace)
                 at += len(trial.pairs)
             made = [dependence.make(sim) for dependence in generic]
             forced = sim.force_columns([wrench for wrenches in made for wrench in wrenches])
@@ -102,7 +114,9 @@ class Evidence:
             log.append(np.full(len(part.role), number))
         grams = np.concatenate(grams)
         base = own.shape[-1]
-        sizes, columns = [trial.mix.shape[1] for trial in found] + [len(w) for w in made], []
+        sizes = [trial.mix.shape[1] * (count if trial.effect.scope() == "record" else 1)
+                 for trial in found]  # fmt: skip
+        sizes, columns = sizes + [len(w) for w in made], []
         start = base
         for size in sizes:
             columns.append(np.arange(start, start + size))
@@ -120,6 +134,9 @@ class Evidence:
             tuple(found),
             tuple(generic),
             tuple(columns),
+            np.concatenate(
+                [directions[:, ~own_columns], _placed(directions[:, own_columns], 0, count)], 1
+            ),
             grams,
             scores,
             scale,
@@ -162,6 +179,11 @@ class Evidence:
             every.append(self._left_out(SELECT, lambda count: np.arange(count) % BLOCKS))
         return every
 
+    @cached_property
+    def _each(self) -> list[list[Reduced]]:
+        """Fits that leave out blocks of the fitted logs, and some windows of the other one."""
+        return [self._blocks, *self._inside[1:]]
+
     def _left_out(self, role: int, number: Callable[[int], np.ndarray]) -> list[Reduced]:
         found = []
         for log in np.unique(self.log[self.role == role]):
@@ -186,6 +208,9 @@ class Evidence:
         """
         local = self.dependence(number) is not None and self.dependence(number).local
         ways = self._inside if local else [self._blocks, self._transfer]
+        if number < len(self.trials) and self.trials[number].effect.scope() == "record":
+            # What belongs to a record is no business of another one: each has its own size.
+            ways = self._inside if self.trials[number].effect.needs_time else self._each
         ridge = 0.0 if self.dependence(number) is None else RIDGE
         mine, ends = self.columns[number] - self.base, self.ends(number)
         gains = []
@@ -237,20 +262,27 @@ class Evidence:
         return 1.0 - loss / self._fitted.before
 
     def coefficients(self, number: int, beside: int | None = None) -> np.ndarray:
-        """Coefficients (k,) of mixed columns, in units of the columns."""
+        """Coefficients (k,) of mixed columns, in units of the columns, for the first log."""
         mine, table = self.columns[number], self._with(beside)
-        return table.solve(mine - self.base, ends=self.ends(number)) / self.scale[mine]
+        found = table.solve(mine - self.base, ends=self.ends(number)) / self.scale[mine]
+        return found[: self._width(number)]
+
+    def _width(self, number: int) -> int:
+        """Columns of a trial or dependence that speak of the first log."""
+        if number < len(self.trials):
+            return self.trials[number].mix.shape[1]
+        return len(self.columns[number])
 
     def base_values(self, number: int) -> np.ndarray:
         """(P,) values of the base model when a trial is fitted with them, where it still holds."""
         mine, table = self.columns[number] - self.base, self._fitted
         b = table.solve(mine, ends=self.ends(number))
         moved = (table.share[:, -1] - table.share[:, mine] @ b) / self.scale[: self.base]
-        values = np.array(self.model.values()) + free_directions(self.model) @ moved
+        values = np.array(self.model.values()) + self.directions @ moved
         return np.clip(values, *value_bounds(self.model, NEARBY))
 
     def scatter(self, number: int) -> np.ndarray:
-        """(k, k) covariance of the coefficients, from the scatter of scores between stretches.
+        """(k, k) covariance of the first log's coefficients, from the scatter between stretches.
 
         Small effects leave the errors of the base model in the scores, as a test of their absence
         should; after an effect is added its interval comes from the refined model.
@@ -260,7 +292,8 @@ class Evidence:
             self.scale[mine], self.scale[mine]
         )
         scores = self.scores[:, mine - self.base] * self.scale[mine]
-        return bread @ (scores.T @ scores) @ bread
+        width = self._width(number)
+        return (bread @ (scores.T @ scores) @ bread)[:width, :width]
 
     def strength(self, number: int, size: np.ndarray) -> float:
         """Share of the error that one unit of a size (k,) of the mixed columns amounts to.
@@ -268,8 +301,8 @@ class Evidence:
         ``size`` says what the size is per unit of each coefficient; what the base parameters
         absorb does not count.
         """
-        mine = self.columns[number] - self.base
-        along = np.linalg.pinv(size[None])[:, 0] * self.scale[self.columns[number]]
+        mine = self.columns[number][: self._width(number)] - self.base
+        along = np.linalg.pinv(size[None])[:, 0] * self.scale[mine + self.base]
         inner = self._fitted.fit[np.ix_(mine, mine)]
         return float(along @ inner @ along) / self._fitted.before
 
@@ -278,3 +311,11 @@ class Evidence:
         families = [t.identifier for t in self.trials] + [""] * len(self.dependences)
         scores = [self.scores[:, columns - self.base] for columns in self.columns]
         return wild_p_values(scores, np.array(families), seed)
+
+
+def _placed(columns: np.ndarray, number: int, count: int) -> np.ndarray:
+    """Columns (..., k) of one log at their place among those of all logs (..., k count)."""
+    width = columns.shape[-1]
+    placed = np.zeros((*columns.shape[:-1], width * count))
+    placed[..., number * width : (number + 1) * width] = columns
+    return placed

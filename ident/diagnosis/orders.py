@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import find_peaks
 
+from ident.dead_reckoning import wheel_angles
 from ident.log import Log
 from ident.regression import build_regression
-from ident.signals import wheel_angles
 from youbot_env.model import Model
 
 # Orders looked at, periods a turn: slower ones are the motion itself.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -29,11 +29,13 @@ class Part:
         log: the record.
         role: (W,) FIT, SELECT or VERIFY.
         weights: (m,) of the outputs.
+        ends: lowest and highest values, by flat name, of what may move of its recording.
     """
 
     log: Log
     role: np.ndarray
     weights: np.ndarray
+    ends: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def windows(self, role: int) -> np.ndarray:
         """(W,) whether each window has a role."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -11,9 +10,12 @@ from scipy.optimize import minimize_scalar
 
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.parts import FIT, SELECT, VERIFY, Part
-from ident.diagnosis.trials import brackets
+from ident.diagnosis.trials import brackets, profile
+from ident.free_values import smooth_names
+from ident.instruments import adapted, stated
 from ident.output_error import OutputError, refine
 from ident.scaled_fit import scaled_error
+from ident.scopes import parameter_scope
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
@@ -56,11 +58,8 @@ class Candidate:
 
     @property
     def late(self) -> bool:
-        """Whether the effect delays the drive input."""
-        effect = get_effect(self.identifier)
-        return effect.acts("delay") or math.isfinite(
-            effect.time_constant(effect.arrange(self.values, self.model.platform))
-        )
+        """Whether the effect makes the robot answer late to its drive."""
+        return get_effect(self.identifier).late
 
     @property
     def model(self) -> Model:
@@ -86,7 +85,10 @@ def refit(
     intervals: bool = False,
     tolerance: float = TOLERANCE,
 ) -> tuple[OutputError, tuple]:
-    """Refine a model on the windows for fitting; also simulate the other logs with it."""
+    """Refine a model on the windows for fitting; also simulate the other logs with it.
+
+    Another log keeps the robot and gets its own record (floor, load, battery) from its first part.
+    """
     fitted = [part for part in parts if part.windows(FIT).any()]
     keep = [part.windows(FIT) for part in fitted]
     weights = [part.weights for part in fitted]
@@ -99,9 +101,51 @@ def refit(
         weights=weights,
         tolerance=tolerance,
         intervals=intervals,
+        ends=[part.ends for part in fitted],
     )
-    others = [Linearised.of(p.log, refined.model) for p in parts[len(fitted) :]]
+    others = [Linearised.of(p.log, adopted(p, refined.model)) for p in parts[len(fitted) :]]
     return refined, (*refined.simulations, *others)
+
+
+def adopted(part: Part, model: Model) -> Model:
+    """A robot's model with what belongs to the record fitted to the windows for choosing.
+
+    The robot's own values stay; so does everything where there are no such windows.
+    """
+    model, choosing = adapted(model, part.log), part.windows(SELECT)
+    own = {
+        name
+        for name in model.names()
+        if parameter_scope(model, name) == "record" and name not in stated(model, part.log)
+    }
+    if not own or not choosing.any():
+        return model
+    smooth = tuple(own.intersection(smooth_names(model)))
+    for name in sorted(own.difference(smooth)):
+        model = _best_of_profile(part, model, name)
+    fitted = refine([part.log], model, smooth, iterations=STEPS, keep=[choosing],
+                    weights=[part.weights], tolerance=ROUGH, intervals=False)  # fmt: skip
+    return fitted.model
+
+
+def _best_of_profile(part: Part, model: Model, name: str) -> Model:
+    """The model with one value, in which no law has a derivative, where it fits a record best."""
+    identifier, flat = name.split(".")
+    active = next(a for a in model.effects if a.identifier == identifier)
+    values = list(model.values())
+    at = model.names().index(name)
+
+    def moved(value: float) -> Model:
+        return model.with_values([*values[:at], value, *values[at + 1 :]])
+
+    def loss(value: float) -> float:
+        error = scaled_error(Linearised.of(part.log, moved(value)), part.weights)
+        return float(np.sum(error[part.windows(SELECT)] ** 2))
+
+    best = min(profile(active.effect.parameter_of(flat), part.log), key=loss)
+    low, high = brackets(replace(active, values={**active.values, flat: best}), part.log)[flat]
+    options = {"maxiter": LOOKS, "xatol": CLOSE * (high - low)}
+    return moved(float(minimize_scalar(loss, bounds=(low, high), options=options).x))
 
 
 class Refits:
@@ -121,6 +165,10 @@ class Refits:
         if key not in self._known:
             self._known[key] = refit(self.parts, model, PATIENT)
         return self._known[key]
+
+    def models(self, model: Model) -> tuple[Model, ...]:
+        """The refined model of every log."""
+        return tuple(simulation.model for simulation in self.of(model)[1])
 
     def remember(self, found: Candidate) -> None:
         """Keep what was refined to compare a candidate."""

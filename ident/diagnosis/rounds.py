@@ -7,14 +7,15 @@ from functools import cached_property
 
 import numpy as np
 
+from ident.contradiction import wheels_agree
 from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.evidence import Evidence
-from ident.diagnosis.floor import noise_floor, wheels_agree
 from ident.diagnosis.pairs import best_pair
 from ident.diagnosis.parts import FIT, SELECT, Part
 from ident.diagnosis.rivals import Candidate, candidate, ranked, window_losses
 from ident.diagnosis.shortlist import LEAST_GAIN, SIGNIFICANT, Shortlist, gain_of
 from ident.diagnosis.trials import Trial, trials
+from ident.noise_floor import noise_floor
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
 
@@ -65,9 +66,9 @@ class Round:
         unexplained: float | None = None,
     ) -> Round:
         """Try everything on top of the model that the logs are simulated with."""
-        model, log = simulations[0].model, parts[0].log
+        model, logs = simulations[0].model, [part.log for part in parts]
         with np.errstate(all="ignore"):
-            evidence = Evidence.of(parts, list(simulations), trials(model, log), [])
+            evidence = Evidence.of(parts, list(simulations), trials(model, logs), [])
         gains = np.array([gain_of(evidence, k) for k in range(len(evidence.columns))])
         floor = noise_floor(simulations[0], parts[0].weights)[0]
         p = evidence.p_values(seed)[1]

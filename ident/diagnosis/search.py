@@ -54,7 +54,7 @@ class Search:
     @property
     def real(self) -> list[Step]:
         """Effects added, but for what every robot has."""
-        return [step for step in self.steps if not step.background]
+        return [step for step in self.steps if not (step.background or step.recording)]
 
     def after(self, simulations: tuple[Linearised, ...], origin: float | None) -> Round:
         """A round on top of a simulated model."""

@@ -10,7 +10,6 @@ from scipy.special import stdtrit
 from ident.diagnosis.parts import FIT, SELECT
 from ident.diagnosis.rivals import Candidate, Refits, window_losses
 from ident.diagnosis.shortlist import LEAST_GAIN
-from ident.output_error import OutputError
 from ident.quantities import Quantity
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
@@ -36,6 +35,11 @@ class Step:
     def group(self) -> tuple[str, ...]:
         """Identifiers that fit as well, best first."""
         return tuple(c.identifier for c in (self.best, *self.rivals))
+
+    @property
+    def recording(self) -> bool:
+        """Whether it is the recording's, not the robot's."""
+        return get_effect(self.best.identifier).link == "sensor"
 
     @property
     def beside(self) -> set[str]:
@@ -68,7 +72,7 @@ def with_steps(base: Model, steps: list[Step]) -> Model:
     """The base model with the effects of all steps, at the sizes found last."""
     if not steps:
         return base
-    wanted = {}
+    wanted = {active.identifier: active.values for active in base.effects}
     for step in steps:
         for active in step.best.model.effects:
             wanted[active.identifier] = active.values
@@ -97,11 +101,11 @@ def without_idle(fits: Refits, base: Model, steps: list[Step]) -> list[Step]:
     return kept
 
 
-def chain_of(fits: Refits, base: OutputError, steps: list[Step]) -> list[tuple[str, Model]]:
+def chain_of(fits: Refits, base: Model, steps: list[Step]) -> list[tuple[str, Model]]:
     """Names and models from the base to the final one, one effect more each time."""
-    chain = [("", base.model)]
+    chain = [("", fits.with_intervals(base))]
     for count in range(1, len(steps) + 1):
-        model = with_steps(base.model, steps)
+        model = with_steps(base, steps)
         for later in steps[count:]:
             model = without(model, later.best.identifier)
         chain.append((steps[count - 1].best.identifier, fits.with_intervals(model)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from scipy.linalg import null_space
 
 from ident.diagnosis.orders import strongest_orders
 from ident.log import Log
+from ident.restored import unknown_pose, unknown_wheel_angle
 from youbot_env.effects import Effect, Parameter, effect_names, get_effect
 from youbot_env.model import ActiveEffect, Model
 from youbot_env.parameters import ImpossibleParameters
@@ -41,6 +42,15 @@ class Trial:
     def effect(self) -> Effect:
         """The law."""
         return get_effect(self.identifier)
+
+    def on(self, model: Model) -> tuple[tuple[Model, Model], ...]:
+        """The pairs on top of another log's model, whose own values may differ."""
+
+        def moved(one: Model) -> Model:
+            extra = tuple(a for a in one.effects if a.identifier == self.identifier)
+            return replace(model, effects=(*model.effects, *extra)) if extra else model
+
+        return tuple((moved(without), moved(other)) for without, other in self.pairs)
 
     def values(self, coefficients: np.ndarray) -> dict[str, float]:
         """Sizes (by flat name) that coefficients (k,) of the mixed columns stand for."""
@@ -85,16 +95,34 @@ def _if_possible(model: Model, values: np.ndarray) -> Model:
         return model
 
 
-def trials(model: Model, log: Log) -> list[Trial]:
-    """Everything worth trying on top of a model with a log like this one."""
-    orders = strongest_orders(log, model)
+def trials(model: Model, logs: list[Log]) -> list[Trial]:
+    """Everything worth trying on top of a model with logs like these; profiles suit the first."""
+    orders = strongest_orders(logs[0], model)
     present = {active.identifier for active in model.effects}
     found = []
     for identifier in effect_names():
         effect = get_effect(identifier)
-        if identifier not in present and effect.seen_by_wheels:
-            found += _forms(effect, model, log, orders)
+        known = identifier in present or any(identifier in log.recording for log in logs)
+        if not known and effect.candidate and not any(map(effect_unreadable(effect), logs)):
+            found += _forms(effect, model, logs[0], orders)
     return found
+
+
+def effect_unreadable(effect: Effect) -> Callable[[Log], str]:
+    """Tell why a log holds nothing that an effect could be judged by; empty where it does."""
+
+    def reason(log: Log) -> str:
+        if not effect.seen_by_wheels:
+            return "only a measured pose shows it"
+        if effect.channel and getattr(log, effect.channel) is None:
+            return f"the log has no {effect.channel.replace('_', ' ')}"
+        if effect.needs_pose and unknown_pose(log):
+            return "the heading is unknown behind a gap; log a pose"
+        if effect.needs_wheel_angle and unknown_wheel_angle(log):
+            return "the wheels' angles are unknown behind a gap"
+        return ""
+
+    return reason
 
 
 def _forms(effect: Effect, model: Model, log: Log, orders: tuple) -> Iterator[Trial]:
@@ -166,7 +194,7 @@ def _profiles(curved: list[Parameter], log: Log, orders: tuple) -> Iterator[dict
     if not curved:
         yield {}
         return
-    grids = {p.name: _grid(p, log, orders) for p in curved}
+    grids = {p.name: profile(p, log, orders) for p in curved}
     first = {name: sizes[0] for name, sizes in grids.items()}
     tried = set()
     for name, sizes in grids.items():
@@ -177,7 +205,7 @@ def _profiles(curved: list[Parameter], log: Log, orders: tuple) -> Iterator[dict
                 yield values
 
 
-def _grid(parameter: Parameter, log: Log, orders: tuple = ()) -> list[float]:
+def profile(parameter: Parameter, log: Log, orders: tuple = ()) -> list[float]:
     """Sizes of one nonlinear parameter that are tried."""
     unit = {
         "default": parameter.default,
@@ -200,7 +228,7 @@ def brackets(active: ActiveEffect, log: Log) -> dict[str, tuple[float, float]]:
     for parameter in active.effect.parameters:
         if parameter.smooth or parameter.linear:
             continue
-        value, sizes = active.values[parameter.name], np.array(_grid(parameter, log))
+        value, sizes = active.values[parameter.name], np.array(profile(parameter, log))
         below, above = sizes[sizes < value - 1e-9], sizes[sizes > value + 1e-9]
         low = below.max() if len(below) else value
         high = above.min() if len(above) else value

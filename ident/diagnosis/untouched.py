@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ident.diagnosis.floor import noise_floor
 from ident.diagnosis.parts import FEWEST, VERIFY, Part
 from ident.diagnosis.rivals import Refits
 from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, with_steps, without
 from ident.free_run import free_run
+from ident.noise_floor import noise_floor
 from ident.output_error import OutputError
 from ident.sensitivity import Linearised, window_length
 from youbot_env.model import Model
@@ -95,11 +95,11 @@ class FreeRunErrors:
 
 
 def free_run_errors(
-    parts: list[Part], chain: list[tuple[str, Model]], simulation: Linearised
+    fits: Refits, chain: list[tuple[str, Model]], simulation: Linearised
 ) -> FreeRunErrors:
     """Simulate the untouched windows of all logs with every model of a chain."""
-    parts = [part for part in parts if part.windows(VERIFY).any()]
-    squared = np.array([_squared(parts, model) for _, model in chain])
+    parts = [part for part in fits.parts if part.windows(VERIFY).any()]
+    squared = np.array([_squared(fits.parts, fits.models(model)) for _, model in chain])
     spread = np.concatenate([p.log.velocity() for p in parts]).std(axis=0)
     spread = np.maximum(spread, 1e-9)
     by_window = np.mean(squared / spread**2, axis=2)
@@ -127,7 +127,7 @@ def confirmed(
         full = with_steps(base.model, steps)
         models = [without(full, step.best.identifier) for step in steps] + [full]
         chain = [("", base.model)] + [("", fits.of(model)[0].model) for model in models]
-        errors = free_run_errors(fits.parts, chain, simulation)
+        errors = free_run_errors(fits, chain, simulation)
         least = LEAST_GAIN if errors.windows >= FEWEST else 0.0
         gain = 1.0 - errors.remaining[-1] ** 2 / errors.remaining[1:-1] ** 2
         idlest = int(np.argmin(gain))
@@ -137,10 +137,12 @@ def confirmed(
     return steps
 
 
-def _squared(parts: list[Part], model: Model) -> np.ndarray:
+def _squared(parts: list[Part], models: tuple[Model, ...]) -> np.ndarray:
     """(W, 3) mean squared errors of the untouched windows."""
     found = []
-    for part in parts:
+    for part, model in zip(parts, models, strict=True):
+        if not part.windows(VERIFY).any():
+            continue
         run = free_run(part.log, model, window_length(part.log))
         error = np.nan_to_num((run.simulated - run.measured) ** 2, nan=1e6, posinf=1e6)
         found.append(error.reshape(len(part.role), -1, 3).mean(axis=1)[part.windows(VERIFY)])

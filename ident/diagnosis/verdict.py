@@ -12,19 +12,19 @@ from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
 from ident.diagnosis.fitness import unfit
 from ident.diagnosis.parts import divide, weigh
 from ident.diagnosis.power import Reach, reach
+from ident.diagnosis.records import freed, recordings, told
 from ident.diagnosis.rivals import refit
 from ident.diagnosis.rounds import REMAINDER, UNEXPLAINED, Round
 from ident.diagnosis.search import search
 from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, chain_of
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
+from ident.instruments import without_instruments
 from ident.log import Log
-from ident.thinning import thinned
+from ident.recording import Instrument
+from ident.thinning import DENSE, thinned
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
-
-# Denser samples, s, tell nothing more of a robot of this size.
-DENSE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +45,8 @@ class Diagnosis:
         first, last: the first and the last round; None where the log decides nothing.
         experiment: what to record next, where that would tell more.
         chain: models from the base to the last, each with the effect that it has more.
+        models: for each of them the model of every log, with its own record and instruments.
+        recording: how the rows of every log came to be.
     """
 
     log: str
@@ -60,11 +62,15 @@ class Diagnosis:
     last: Round | None = None
     experiment: Experiment | None = None
     chain: tuple[tuple[str, Model], ...] = ()
+    models: tuple[tuple[Model, ...], ...] = ()
+    recording: tuple[Instrument, ...] = ()
 
     @property
     def named(self) -> tuple[Step, ...]:
-        """Steps that count as an answer."""
-        return self.steps if self.verdict in ("named", "ambiguous") else ()
+        """Steps that count as an answer; what is the recording's is not the robot's."""
+        if self.verdict not in ("named", "ambiguous"):
+            return ()
+        return tuple(step for step in self.steps if not step.recording)
 
     def where(self) -> tuple[Regime, ...]:
         """Regimes in which the base model fails, those with most error for their time first."""
@@ -89,6 +95,7 @@ class Diagnosis:
                 }
                 for step in self.named
             ],
+            "recording": [one.as_dict() for one in self.recording],
             "candidates": [one.as_dict() for one in self.reach],
             "where": [regime.as_dict() for regime in self.where()],
             "experiment": self.experiment.as_dict() if self.experiment else None,
@@ -130,21 +137,27 @@ def diagnose(
     weak = next(filter(None, (unfit(log) for log in everything if log is not test)), "")
     if weak:
         return Diagnosis(name, "cannot_say", weak, (), model, model, experiment=CALIBRATION)
-    logs, test = [thinned(log, DENSE) for log in logs], test and thinned(test, DENSE)
+    tell("finding out how the logs were recorded")
+    records = recordings(logs, test, without_instruments(model))
+    model = without_instruments(model)
+    *logs, test = [thinned(r.log, DENSE) for r in records] + ([None] if test is None else [])
     parts = divide(logs, test, model)
     tell("fitting the base model")
     refined, simulations = refit(parts, model, steps=30)
-    parts = weigh(parts, simulations)
-    refined, simulations = refit(parts, refined.model, intervals=True)
-    base = refined.model
+    weighed = weigh(parts, simulations)
+    if weighed is not parts:
+        parts = weighed
+        refined, simulations = refit(parts, refined.model)
     found = search(parts, refined, simulations, dependences(everything), seed, tell)
     first, now, outside = found.first, found.last, found.outside
     tell("measuring errors on untouched windows")
     steps = confirmed(found.fits, refined, found.steps, first.simulations[-1])
-    chain = chain_of(found.fits, refined, steps)
-    errors = free_run_errors(parts, chain, first.simulations[-1])
+    fits, start = freed(found.fits, records, refined.model)
+    chain = chain_of(fits, start, steps)
+    errors = free_run_errors(fits, chain, first.simulations[-1])
     last = chain[-1][1]
     steps.sort(key=lambda step: step.background)
+    recording = told(records, fits, last)
     verdict, reason = _judge(steps, errors, outside, first, now)
     if verdict == "ambiguous":
         tell("looking for a motion that separates them")
@@ -153,15 +166,17 @@ def diagnose(
         verdict=verdict,
         reason=reason,
         steps=tuple(steps),
-        model=replace(last, name="diagnosed"),
-        base=base,
+        model=replace(without_instruments(last), name="diagnosed"),
+        base=without_instruments(chain[0][1]),
+        recording=recording,
         reach=reach(first),
         depends_on=tuple(now.dependences()),
         errors=errors,
         first=first,
         last=now,
         experiment=_next_record(verdict, steps, now),
-        chain=tuple(chain),
+        chain=tuple((name, without_instruments(model)) for name, model in chain),
+        models=tuple(fits.models(model) for _, model in chain),
     )
 
 
@@ -183,7 +198,7 @@ def _judge(
     steps: list[Step], errors: FreeRunErrors, outside: bool, first: Round, last: Round
 ) -> tuple[str, str]:
     """Return verdict and reason."""
-    real = [step for step in steps if not step.background]
+    real = [step for step in steps if not (step.background or step.recording)]
     fall = f"free-run error {100 * errors.before:.3g} % to {100 * errors.after:.3g} %"
     signals = ", ".join(signal for signal, _ in last.dependences()) or "no signal that was tried"
     names = ", ".join(step.best.identifier for step in real)
@@ -192,13 +207,16 @@ def _judge(
     rolling = not first.wheels_agree
     if outside:
         return "outside_library", f"the error depends on {signals}, as no effect explains"
-    if not real and not rolling and first.excess > UNEXPLAINED * first.floor:
+    if not real and not rolling and last.excess > UNEXPLAINED * last.floor:
         return "outside_library", (
             f"the free-run error, {100 * errors.before:.3g} %, is far above the "
             f"{100 * errors.floor:.3g} % of noise, and no effect lowers it; it depends on {signals}"
         )
     if not real:
-        background = "".join(f"; {s.best.identifier} is there, as on real rollers" for s in steps)
+        background = "".join(
+            f"; {s.best.identifier} is there, as on real rollers" for s in steps if s.background
+        ) + "".join(f"; {s.best.identifier}, of the recording, is there" for s in steps
+                    if s.recording)  # fmt: skip
         return "nothing_missing", (
             f"no effect removes {100 * LEAST_GAIN:.0f} % of the squared error where it was not "
             f"fitted{background}"

@@ -20,8 +20,18 @@ __all__ = [
 ]
 
 STATED = ("identifier", "title", "equation", "link", "parameters")
-LINKS = ("drive", "shaft", "roller", "body", "kinematics")
-HOOKS = ("drive", "delay", "shaft", "roller", "body", "inertial", "kinematics", "slip")
+LINKS = ("drive", "shaft", "roller", "body", "kinematics", "sensor")
+HOOKS = (
+    "drive",
+    "delay",
+    "shaft",
+    "roller",
+    "body",
+    "inertial",
+    "kinematics",
+    "slip",
+    "restore",
+)
 
 _EXTRA: dict[str, type[Effect]] = {}
 

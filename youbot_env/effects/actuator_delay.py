@@ -14,6 +14,7 @@ class ActuatorDelay(Effect):
     regime = "changes of torque"
     confusables = ("actuator_lag",)
     experiments = ("chirp to 5-10 Hz", "fast reversals")
+    late = True
     order = 50
 
     def delay(self, p):

@@ -14,6 +14,7 @@ class ActuatorLag(Effect):
     regime = "changes of torque; differs from a delay above 3 Hz"
     confusables = ("actuator_delay",)
     experiments = ("chirp to 5-10 Hz",)
+    late = True
     order = 60
 
     def state_size(self, platform):

@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 
 from youbot_env.backend import Ops
 from youbot_env.dynamics import Theta
+from youbot_env.measurement import Dense, Rows
 from youbot_env.platform import Geometry, Platform
 
 GRAVITY = 9.81
@@ -45,6 +46,9 @@ class Parameter:
             the orders of the wheel angle at which a record repeats.
         smooth: whether the law has a derivative in the parameter; where it has none the parameter
             stays at the best of its profile.
+        scope: whose value it is: ``robot`` goes with the robot from log to log, ``record`` belongs
+            to one log (its floor, its load, its instruments).
+        choices: words for the whole numbers 0, 1, ... where the parameter is a choice.
     """
 
     name: str
@@ -58,6 +62,12 @@ class Parameter:
     profile: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0)
     profile_unit: str = "default"
     smooth: bool = True
+    scope: str = "robot"
+    choices: tuple[str, ...] = ()
+
+    def shown(self, value: float) -> float | str:
+        """The value as people read it: the word of a choice, else the number."""
+        return self.choices[round(value)] if self.choices else value
 
 
 class Signals:
@@ -110,7 +120,8 @@ class Effect:
     Class attributes:
         identifier: public name on the command line, in model files and in JSON.
         title, equation: for people; the equation in LaTeX.
-        link: ``drive``, ``shaft``, ``roller``, ``body`` or ``kinematics``.
+        link: ``drive``, ``shaft``, ``roller``, ``body``, ``kinematics`` or ``sensor``; one of the
+            link ``sensor`` belongs to the record and leaves the robot as it is.
         parameters: what it is measured by.
         regime: when it shows.
         confusables: identifiers of effects that look alike in most logs.
@@ -120,6 +131,9 @@ class Effect:
         needs_pose, needs_wheel_angle, needs_time: signals beyond velocity that the law reads.
         background: whether every robot has some of it, so that it is explained before anything
             else is named.
+        late: whether it makes the velocities answer late to the drive, which a clock may feign.
+        candidate: whether diagnosis looks for it; hold and clock of the drive are found before.
+        channel: what an effect of the link ``sensor`` changes, where a log may lack it.
         seen_by_wheels: whether wheel speeds alone show it; if not, only a measured pose does.
     """
 
@@ -137,6 +151,9 @@ class Effect:
     needs_wheel_angle: ClassVar[bool] = False
     needs_time: ClassVar[bool] = False
     background: ClassVar[bool] = False
+    late: ClassVar[bool] = False
+    candidate: ClassVar[bool] = True
+    channel: ClassVar[str] = ""
     seen_by_wheels: ClassVar[bool] = True
 
     # Hooks.  ``p`` holds the parameters by name; a per-wheel parameter is always a tuple of n.
@@ -176,6 +193,14 @@ class Effect:
         """Wheel speeds beyond J v, n values, rad/s."""
         raise NotImplementedError
 
+    def record(self, p: Any, dense: Dense) -> None:
+        """Change channels in place into what the instruments make of them (see ``measurement``)."""
+        raise NotImplementedError
+
+    def restore(self, p: Any, rows: Rows) -> Rows:
+        """Undo ``record`` on the rows of a log as far as they tell."""
+        raise NotImplementedError
+
     def state_size(self, platform: Platform) -> int:
         """Return how many states of its own the effect carries (torques of a lag, bristles)."""
         return 0
@@ -193,6 +218,11 @@ class Effect:
         return True
 
     # What follows is the same for every effect.
+
+    @classmethod
+    def scope(cls) -> str:
+        """``record`` where every parameter belongs to one log, else ``robot``."""
+        return "record" if all(p.scope == "record" for p in cls.parameters) else "robot"
 
     @classmethod
     def acts(cls, hook: str) -> bool:
@@ -254,7 +284,7 @@ class Effect:
         """
         if values is None:
             values = {}
-        if isinstance(values, int | float):
+        if isinstance(values, int | float | str):
             values = {cls.parameters[0].name: values}
         if not isinstance(values, dict):
             raise ValueError(f"effect {cls.identifier}: {values!r} must be a number or a mapping")
@@ -281,11 +311,18 @@ class Effect:
 
 def _checked(identifier: str, name: str, value, parameter: Parameter) -> float:
     low, high = parameter.bounds
+    if isinstance(value, str) and value in parameter.choices:
+        return float(parameter.choices.index(value))
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"effect {identifier}: {name} = {value!r} is not a number")
+        words = f"; choose {', '.join(parameter.choices)}" if parameter.choices else ""
+        raise ValueError(f"effect {identifier}: {name} = {value!r} is not a number{words}")
     if not low <= value <= high:
         raise ValueError(
             f"effect {identifier}: {name} = {value} {parameter.unit} is outside "
             f"[{low}, {high}] {parameter.unit}"
+        )
+    if parameter.choices and value != round(value):
+        raise ValueError(
+            f"effect {identifier}: {name} = {value} is none of {', '.join(parameter.choices)}"
         )
     return float(value)

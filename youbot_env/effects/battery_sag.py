@@ -20,9 +20,18 @@ class BatterySag(Effect):
     equation = r"M_i = \bigl(1 - a\,(1 - e^{-t/T})\bigr)\,M_i^{\text{log}}"
     link = "drive"
     parameters = (
-        Parameter("a", "", "share of the torque lost in the end", 0.15, (0.0, 0.95)),
         Parameter(
-            "T", "s", "time constant", 60.0, (5.0, 600.0), linear=False, profile=(0.25, 1.0, 5.0)
+            "a", "", "share of the torque lost in the end", 0.15, (0.0, 0.95), scope="record"
+        ),
+        Parameter(
+            "T",
+            "s",
+            "time constant",
+            60.0,
+            (5.0, 600.0),
+            linear=False,
+            profile=(0.25, 1.0, 5.0),
+            scope="record",
         ),
     )
     regime = "drifts with time, in proportion to the torque"

@@ -16,9 +16,13 @@ class CableTether(Effect):
     equation = r"F = R(\psi)^{\mathsf T}\bigl((f_x, f_y) - k\,(x, y)\bigr)"
     link = "body"
     parameters = (
-        Parameter("k", "N/m", "stiffness", 5.0, (0.0, 200.0)),
-        Parameter("fx", "N", "pull along world x at the origin", 0.0, (-100.0, 100.0)),
-        Parameter("fy", "N", "pull along world y at the origin", 0.0, (-100.0, 100.0)),
+        Parameter("k", "N/m", "stiffness", 5.0, (0.0, 200.0), scope="record"),
+        Parameter(
+            "fx", "N", "pull along world x at the origin", 0.0, (-100.0, 100.0), scope="record"
+        ),
+        Parameter(
+            "fy", "N", "pull along world y at the origin", 0.0, (-100.0, 100.0), scope="record"
+        ),
     )
     regime = "always; depends on the place"
     confusables = ("floor_slope", "torque_offset")

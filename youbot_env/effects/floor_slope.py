@@ -11,8 +11,8 @@ class FloorSlope(Effect):
     equation = r"F = m_0\,g\,R(\psi)^{\mathsf T}(s_x, s_y)"
     link = "body"
     parameters = (
-        Parameter("sx", "rad", "slope, pulling along world x", 0.01, (-0.2, 0.2)),
-        Parameter("sy", "rad", "slope, pulling along world y", 0.01, (-0.2, 0.2)),
+        Parameter("sx", "rad", "slope, pulling along world x", 0.01, (-0.2, 0.2), scope="record"),
+        Parameter("sy", "rad", "slope, pulling along world y", 0.01, (-0.2, 0.2), scope="record"),
     )
     regime = "always; turns against the body with the heading"
     confusables = ("torque_offset", "cable_tether")

@@ -15,9 +15,18 @@ class FrictionWarmup(Effect):
     equation = r"\mu_j(t) = \mu_j\,\bigl(1 - a\,(1 - e^{-t/T})\bigr),\quad j = 1, 2"
     link = "shaft"
     parameters = (
-        Parameter("a", "", "share of the friction lost in the end", 0.25, (0.0, 0.95)),
         Parameter(
-            "T", "s", "time constant", 60.0, (5.0, 600.0), linear=False, profile=(0.25, 1.0, 5.0)
+            "a", "", "share of the friction lost in the end", 0.25, (0.0, 0.95), scope="record"
+        ),
+        Parameter(
+            "T",
+            "s",
+            "time constant",
+            60.0,
+            (5.0, 600.0),
+            linear=False,
+            profile=(0.25, 1.0, 5.0),
+            scope="record",
         ),
     )
     regime = "drifts with time, in proportion to the speed"

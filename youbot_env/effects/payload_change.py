@@ -21,10 +21,14 @@ class PayloadChange(Effect):
     )
     link = "body"
     parameters = (
-        Parameter("dm", "kg", "mass added", 5.0, (-20.0, 60.0)),
-        Parameter("dI", "kg m^2", "moment of inertia about O added", 0.2, (-3.0, 10.0)),
-        Parameter("dpx", "kg m", "first moment added, forward", 0.5, (-15.0, 15.0)),
-        Parameter("dpy", "kg m", "first moment added, to the left", 0.0, (-15.0, 15.0)),
+        Parameter("dm", "kg", "mass added", 5.0, (-20.0, 60.0), scope="record"),
+        Parameter(
+            "dI", "kg m^2", "moment of inertia about O added", 0.2, (-3.0, 10.0), scope="record"
+        ),
+        Parameter("dpx", "kg m", "first moment added, forward", 0.5, (-15.0, 15.0), scope="record"),
+        Parameter(
+            "dpy", "kg m", "first moment added, to the left", 0.0, (-15.0, 15.0), scope="record"
+        ),
         Parameter(
             "t0",
             "s",
@@ -35,6 +39,7 @@ class PayloadChange(Effect):
             profile=tuple(k / 14 for k in range(1, 14)),
             profile_unit="duration",
             smooth=False,
+            scope="record",
         ),
     )
     regime = "differs before and after one moment"

@@ -1,0 +1,352 @@
+"""How logs came to be recorded: what a row stands for, and whose clock is late.
+
+Hardly any robot holds its torque from row to row, yet a simulation has to hold something.  What
+counts is the lead: the time by which the drive's rows act ahead of being held from their own time
+on.  Held rows have none, sampled rows half a row, means over the time before a whole row; a late
+clock or a filter adds to it.  The lead is estimated with the robot's parameters, by output error;
+which of its causes it has is told by where it lies, since they do the same to a robot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ident.contradiction import wheels_agree
+from ident.free_values import FreeValues
+from ident.instruments import (
+    HOLD,
+    OFFSET,
+    SHIFT,
+    hold_of,
+    lead_of,
+    stated,
+    stating,
+    with_instruments,
+    without_instruments,
+)
+from ident.jackknife import left_one_out
+from ident.log import Log
+from ident.noise_floor import noise_floor
+from ident.output_error import OutputError, refine
+from ident.scaled_fit import ScaledFit
+from ident.thinning import DENSE, thinned
+from youbot_env.effects import Effect, get_effect
+from youbot_env.measurement import AVERAGED, HELD, HOLDS, SAMPLED
+from youbot_env.model import Model
+
+# Leads this close to that of a hold have no other cause, s, or in standard errors: a loop at 1 kHz
+# holds its torque for a millisecond, so its samples act half a millisecond late.
+CLOSE, SURE = 1e-3, 2.5
+# A fit of the lead looks at this much of a log, s; its precision is far below CLOSE by then.
+ENOUGH = 60.0
+# Half width of a 95 % interval in standard errors.
+WIDE = 2.0
+# Of what a model leaves unexplained this share may lie along the trace of a lead, where the wheels
+# agree with each other and where they do not: leads of simulated robots with effects that no
+# nuisance stands for (payload, sag, a patch of floor; slip, real rollers) were wrong by as much.
+ALIGNED = (0.1, 0.3)
+# Steps that lower the squares by less than this share do not move a lead.
+ENOUGH_LESS = 1e-4
+# Effects that are fitted beside a lead so that it need not stand for them; those with a value for
+# each wheel even where one would do.
+NUISANCES = (
+    "wheel_coulomb_friction",
+    "roller_coulomb_friction",
+    "floor_slope",
+    "torque_gain",
+    "torque_offset",
+    "wheel_radius_error",
+)
+EACH_WHEEL = ("torque_offset",)
+WEAK = 1e-6
+ROWS = {
+    HELD: "each row of the drive is held until the next",
+    SAMPLED: "rows of the drive are sampled",
+    AVERAGED: "rows of the drive are means over the time before",
+}
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """One thing about the recording.
+
+    Attributes:
+        what: identifier of the sensor effect.
+        parameter, unit: what the value is of.
+        value: number, or word of a choice.
+        ci95: 95 % interval; None where it was given or assumed.
+        status: ``declared`` by the log, ``estimated`` from it, or ``assumed``.
+        log: name of the log.
+        words: a sentence.
+        alike: sensor effects that would do the same.
+    """
+
+    what: str
+    parameter: str
+    value: float | str
+    unit: str
+    ci95: tuple[float, float] | None
+    status: str
+    log: str
+    words: str
+    alike: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what JSON shows."""
+        return {
+            "what": self.what,
+            "parameter": self.parameter,
+            "value": self.value,
+            "unit": self.unit,
+            "ci95": None if self.ci95 is None else list(self.ci95),
+            "status": self.status,
+            "log": self.log,
+            "alike": list(self.alike),
+            "words": self.words,
+        }
+
+
+def nearest_hold(lead: float, error: float, dt: float) -> tuple[str, bool]:
+    """The hold that a lead speaks for, and whether it alone explains it.
+
+    Where none does the rows count as sampled, as most are.
+    """
+    tolerance = max(CLOSE, SURE * error)
+    hold = min(HOLDS, key=lambda one: abs(lead - lead_of(one, dt)))
+    alone = abs(lead - lead_of(hold, dt)) <= tolerance
+    return (hold if alone else SAMPLED), alone
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A log with what was found of its recording.
+
+    Attributes:
+        original: the log as it was read.
+        log: states hold and clock; laws and fits then see its robot.
+        lead: time by which its rows act ahead of held ones, s.
+        error: standard error of that; zero where it was declared.
+    """
+
+    original: Log
+    log: Log
+    lead: float
+    error: float
+
+    @property
+    def instruments(self) -> tuple[Instrument, ...]:
+        """The same for people and programs."""
+        return (*clock(self.original, self.lead, self.error), *declared(self.original))
+
+    def moved(self) -> Log:
+        """The log as it would be with a lead one standard error larger."""
+        return stating(self.log, OFFSET, d=self.log.recording[OFFSET]["d"] + self.error)
+
+
+def find_recordings(logs: list[Log], model: Model, signed: bool = True) -> list[Recording]:
+    """Estimate what every log needs of the measurement model.
+
+    Args:
+        logs: records of one robot, with a drive input.
+        model: start values of the robot, and effects that are known.
+        signed: whether a robot that answers late is put down to the clock.  Where it is not, rows
+            are taken to be sampled on the clock of the velocities there, and what is late is left
+            to be explained.
+    """
+    if all(HOLD in log.recording and OFFSET in log.recording for log in logs):
+        return [_recording(log, log, 0.0, 0.0, signed) for log in logs]
+    sparse = [sparsely(exciting(log)) for log in logs]
+    rich = _with_nuisances(with_instruments(without_instruments(model), sparse))
+    try:
+        fit = refine(sparse, rich, tolerance=ENOUGH_LESS, intervals=False)
+    except ValueError:  # no window is contiguous: the recording stays what it usually is
+        return [_recording(log, one, lead_of(SAMPLED, one.dt), 0.0, signed)
+                for log, one in zip(logs, sparse, strict=True)]  # fmt: skip
+    return [
+        _recording(log, one, *_lead(fit, k), signed)
+        for k, (log, one) in enumerate(zip(logs, sparse, strict=True))
+    ]
+
+
+def with_free_clocks(
+    records: list[Recording], model: Model
+) -> tuple[list[Log], Model, list[dict[str, tuple[float, float]]]]:
+    """Logs whose clocks are to be fitted with the robot, from what was found of them.
+
+    Returns:
+        The logs; the model with the clock of the first; and for each log between which values its
+        clock may move: where it was found, give or take its error.
+    """
+    logs, ends = [], []
+    for record in records:
+        stated, end = dict(record.log.recording), {}
+        if record.error:
+            found = stated.pop(OFFSET)["d"]
+            half = max(CLOSE, SURE * record.error)
+            end[SHIFT] = found - half, found + half
+        logs.append(replace(record.log, recording=stated))
+        ends.append(end)
+    model = with_instruments(model, logs)
+    first = records[0].log.recording
+    return logs, model.with_effects({name: first[name] for name in (HOLD, OFFSET)}), ends
+
+
+def _with_nuisances(model: Model) -> Model:
+    """The model with common effects that it does not have, at nothing, to be fitted beside it.
+
+    A lead is the slope of a phase, and any friction or force that is missing turns phases: on its
+    own the robot's seven parameters make up for that by leads of up to 60 ms.
+    """
+    present = {active.identifier for active in model.effects}
+    added = {}
+    for name in NUISANCES:
+        if name not in present:
+            effect = get_effect(name)
+            split = any(p.per_wheel and p.contrast for p in effect.parameters) or name in EACH_WHEEL
+            added[name] = dict.fromkeys(effect.parameter_names(model.platform, split), 0.0)
+    return model.with_effects(added)
+
+
+def sparsely(log: Log) -> Log:
+    """The log, or means over 10 ms where it is denser; these act as held torques do."""
+    thin = thinned(log, DENSE)
+    return log if thin is log else stating(thin, HOLD, kind=float(HOLDS.index(HELD)))
+
+
+def lead(log: Log, fit: OutputError, number: int) -> tuple[float, float]:
+    """Lead of a log by a fit in which its clock was free, and its standard error, s."""
+    model, at = fit.models[number], fit.scopes.names.index(SHIFT)
+    place = fit.scopes.index[number, at]
+    variance = 0.0 if fit.covariance is None else float(fit.covariance[place, place])
+    return model.values()[at] + lead_of(hold_of(log, model), log.dt), max(variance, 0.0) ** 0.5
+
+
+def _lead(fit: OutputError, number: int) -> tuple[float, float]:
+    """Time by which a log's rows act ahead of held ones, and its standard error, s.
+
+    Besides the scatter between windows the error holds what the model leaves unexplained, a share
+    of which may lie along the trace of the lead.
+    """
+    model, at = fit.models[number], fit.scopes.names.index(SHIFT)
+    sim = fit.simulations[number]
+    ahead = model.values()[at] + lead_of(hold_of(sim.raw, model), sim.raw.dt)
+    if SHIFT in stated(model, sim.raw):
+        return ahead, 0.0
+    scaled = ScaledFit.at([sim.raw], [model], None)
+    free = FreeValues.of(model, None, None, [set(stated(model, sim.raw))])
+    columns = scaled.columns(free) @ free.directions[free.moving]
+    covariance = left_one_out(columns, scaled.error, scaled.groups, free.directions)
+    trace = scaled.columns(free)[:, np.flatnonzero(free.moving).searchsorted(at)]
+    others = columns[:, free.directions[at] == 0]
+    scale = np.maximum(np.linalg.norm(others, axis=0), 1e-300)
+    alone = trace - others @ (np.linalg.lstsq(others / scale, trace, rcond=WEAK)[0] / scale)
+    floor = noise_floor(sim, scaled.weights[0])[0]
+    left = max(2 * scaled.cost - len(scaled.error) * floor, 0.0)
+    share = ALIGNED[0 if wheels_agree(sim.log) else 1]
+    bias = share * np.sqrt(left) / max(float(np.linalg.norm(alone)), 1e-300)
+    return ahead, float(np.hypot(np.sqrt(covariance[at, at]), bias))
+
+
+def _recording(log: Log, sparse: Log, ahead: float, error: float, signed: bool) -> Recording:
+    """What a fit to (means of) a log says of the log itself."""
+    kind = log.recording.get(HOLD, {}).get("kind")
+    hold = SAMPLED if kind is None else HOLDS[round(kind)]
+    if OFFSET in log.recording:
+        ahead, error = log.recording[OFFSET]["d"] + lead_of(hold, log.dt), 0.0
+    else:
+        # Rows act somewhere within their interval, or as is declared, unless it is certain that
+        # they do not.
+        half = 0.5 * sparse.dt
+        usual = (ahead * half**2 + half * error**2) / (half**2 + error**2)
+        usual = float(np.clip(usual, 0.0, sparse.dt)) if kind is None else lead_of(hold, log.dt)
+        outside = abs(ahead - usual) > max(CLOSE, SURE * error)
+        if outside and ahead < usual and not signed:
+            ahead = lead_of(hold, log.dt)
+        elif kind is None and not outside:
+            ahead = usual
+    said = clock(log, ahead, error)
+    hold = float(HOLDS.index(said[0].value))
+    told = stating(stating(log, HOLD, kind=hold), OFFSET, d=float(said[1].value))
+    return Recording(log, told, ahead, error)
+
+
+def exciting(log: Log) -> Log:
+    """The log, or where it is long the stretch of ``ENOUGH`` seconds in which it moves most."""
+    if log.duration <= ENOUGH:
+        return log
+    speed = np.abs(np.gradient(log.velocity(), log.time, axis=0)) / log.velocity().std(axis=0)
+    total = np.concatenate([[0.0], np.cumsum(speed.sum(axis=1) * np.gradient(log.time))])
+    ends = np.searchsorted(log.time, log.time + ENOUGH)
+    inside = log.time + ENOUGH <= log.time[-1]
+    start = int(np.argmax(np.where(inside, total[np.minimum(ends, len(log.time))] - total[:-1], 0)))
+    return log.part(log.time[start], log.time[start] + ENOUGH)
+
+
+def clock(log: Log, ahead: float, error: float) -> tuple[Instrument, Instrument]:
+    """Hold and offset of the drive's rows.
+
+    Args:
+        log: what it states was declared.
+        ahead: time by which its rows act ahead of held ones, s.
+        error: standard error of that.
+    """
+    if HOLD in log.recording:
+        hold, alone = HOLDS[round(log.recording[HOLD]["kind"])], False
+    else:
+        hold, alone = nearest_hold(ahead, error, log.dt)
+    offset, half = ahead - lead_of(hold, log.dt), WIDE * error
+    sure = alone and SURE * error < 0.25 * log.dt
+    kind = "declared" if HOLD in log.recording else "estimated" if sure else "assumed"
+    said = Instrument(HOLD, "kind", hold, "", None, kind, log.name, f"{ROWS[hold]} ({kind})")
+    interval = (offset - half, offset + half) if error > 0 else None
+    status = "declared" if OFFSET in log.recording else "estimated" if error > 0 else "assumed"
+    words, alike = _lateness(offset, half, alone, 0 <= ahead <= log.dt, status)
+    return said, Instrument(OFFSET, "d", offset, "s", interval, status, log.name, words, alike)
+
+
+def declared(log: Log) -> list[Instrument]:
+    """What a log states about its recording beyond hold and clock of the drive."""
+    found = []
+    for name, values in log.recording.items():
+        if name not in (HOLD, OFFSET):
+            effect = get_effect(name)
+            found += [plain(log, effect, flat, value) for flat, value in values.items()]
+    return found
+
+
+def _lateness(
+    offset: float, half: float, alone: bool, inside: bool, status: str
+) -> tuple[str, tuple[str, ...]]:
+    """Words for an offset of the drive's clock, and what looks like it."""
+    size = f"{1e3 * abs(offset):.3g} ms"
+    if status == "estimated":
+        size += f" +- {1e3 * half:.2g} ms"
+    if alone or abs(offset) <= max(CLOSE, half) or inside:
+        return f"its clock is that of the velocities within {size}", ()
+    if offset > 0:
+        return (
+            f"it comes {size} late: a late clock, or a filter with that time constant",
+            ("drive_filter",),
+        )
+    return (
+        f"the robot answers {size} after its rows: late velocities, an early clock, or a delay or "
+        "lag of the drive, which diagnosis looks into",
+        ("velocity_filter", "actuator_delay", "actuator_lag"),
+    )
+
+
+def plain(log: Log, effect: Effect, name: str, value: float, error: float = 0.0) -> Instrument:
+    """One value of a sensor effect; declared where it has no error."""
+    parameter = effect.parameter_of(name)
+    half = WIDE * error
+    status = "estimated" if error > 0 else "declared"
+    interval = (value - half, value + half) if error > 0 else None
+    shown = parameter.shown(value)
+    words = f"{effect.title.lower()}, {parameter.meaning}: {shown:.4g} {parameter.unit}".rstrip()
+    if interval:
+        words += f" +- {half:.2g}"
+    return Instrument(effect.identifier, name, shown, parameter.unit, interval, status, log.name,
+                      words)  # fmt: skip
