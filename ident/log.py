@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ident.declaration import parse_declaration
 from ident.doctor import Finding, LogError, examine
 from ident.loaders import read
 from ident.recent import Recent
@@ -110,6 +112,7 @@ class Log:
         kt: float | None = None,
         gear: float | None = None,
         strict: bool = False,
+        recording: Iterable[str] = (),
     ) -> Log:
         """Read a log of any known format; every one passes the doctor.
 
@@ -121,6 +124,8 @@ class Log:
             kt: torque constant of a motor, N m/A, where the log holds currents.
             gear: motor turns per wheel turn, where the log holds currents.
             strict: refuse warnings as well.
+            recording: what is known of how the log was recorded, ``EFFECT=VALUE`` each
+                (``drive_hold=held``); it goes before what the file declares.
 
         Raises:
             LogError: the log cannot be used; the message names row, column, value and remedy.
@@ -128,10 +133,16 @@ class Log:
         path, platform = Path(path), platform or youbot()
         with ThreadPoolExecutor(1) as pool:  # hashing a large file takes as long as reading it
             digest = pool.submit(_digest, path)
-            record = examine(read(path, platform), path.name, platform, mapping, kt, gear)
+            table = read(path, platform)
+            record = examine(table, path.name, platform, mapping, kt, gear)
         findings = tuple(record.findings)
         if strict and any(finding.severity == "warning" for finding in findings):
             raise LogError(path.name, [f for f in findings if f.severity == "warning"])
+        try:
+            stated = parse_declaration([*table.recording, *recording], platform)
+        except ValueError as error:
+            remedy = "see the sensor effects in docs/effects.md"
+            raise LogError(path.name, [Finding("error", str(error), "header", remedy)]) from error
         values = {channel: record.get(channel) for channel in FILED}
         if values["battery_voltage"] is not None:
             values["battery_voltage"] = values["battery_voltage"][:, 0]
@@ -144,6 +155,7 @@ class Log:
             **values,
             starts=(0, *(np.flatnonzero(record.breaks[1:]) + 1).tolist()),
             findings=findings,
+            recording=stated,
             digest=digest.result(),
             source=path.name,
         )

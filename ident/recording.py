@@ -9,6 +9,7 @@ which of its causes it has is told by where it lies, since they do the same to a
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -166,7 +167,7 @@ def find_recordings(logs: list[Log], model: Model, signed: bool = True) -> list[
         return [_recording(log, one, lead_of(SAMPLED, one.dt), 0.0, signed)
                 for log, one in zip(logs, sparse, strict=True)]  # fmt: skip
     return [
-        _recording(log, one, *_lead(fit, k), signed)
+        _recording(log, one, *lead(fit, k), signed)
         for k, (log, one) in enumerate(zip(logs, sparse, strict=True))
     ]
 
@@ -216,15 +217,7 @@ def sparsely(log: Log) -> Log:
     return log if thin is log else stating(thin, HOLD, kind=float(HOLDS.index(HELD)))
 
 
-def lead(log: Log, fit: OutputError, number: int) -> tuple[float, float]:
-    """Lead of a log by a fit in which its clock was free, and its standard error, s."""
-    model, at = fit.models[number], fit.scopes.names.index(SHIFT)
-    place = fit.scopes.index[number, at]
-    variance = 0.0 if fit.covariance is None else float(fit.covariance[place, place])
-    return model.values()[at] + lead_of(hold_of(log, model), log.dt), max(variance, 0.0) ** 0.5
-
-
-def _lead(fit: OutputError, number: int) -> tuple[float, float]:
+def lead(fit: OutputError, number: int) -> tuple[float, float]:
     """Time by which a log's rows act ahead of held ones, and its standard error, s.
 
     Besides the scatter between windows the error holds what the model leaves unexplained, a share
@@ -350,3 +343,11 @@ def plain(log: Log, effect: Effect, name: str, value: float, error: float = 0.0)
         words += f" +- {half:.2g}"
     return Instrument(effect.identifier, name, shown, parameter.unit, interval, status, log.name,
                       words)  # fmt: skip
+
+
+def in_words(instruments: Iterable[Instrument]) -> list[str]:
+    """A sentence for each log about how it was recorded."""
+    by_log: dict[str, list[str]] = {}
+    for one in instruments:
+        by_log.setdefault(one.log, []).append(one.words)
+    return [f"{log}: {'; '.join(words)}" for log, words in by_log.items()]

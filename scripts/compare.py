@@ -10,9 +10,10 @@ import console
 import given_effects
 import numpy as np
 import typer
-from given_logs import parse_mapping, read_log
+from given_logs import Recorded, parse_mapping, read_log
 
 from ident.comparison import Standing, compare, rank
+from ident.recording import in_words
 from ident.report.compare import comparison_page
 from ident.report.compare_words import (
     FREE_RUN_HEAD,
@@ -66,6 +67,7 @@ def main(
         float | None, typer.Option(help="Motor turns per wheel turn, where the log holds currents.")
     ] = None,
     effects: given_effects.EffectsFile = None,
+    recording: Recorded = None,
     seed: console.Seed = 0,
 ) -> None:
     """Compare models with a measured log: errors, where they gather, and when they are worst.
@@ -76,7 +78,8 @@ def main(
     given_effects.load_effects(effects)
     console.check_writable(json_file, None if report is None else report / "index.html")
     models = read_models(model or DEFAULT)
-    record = read_log(log or LOG, models[0].platform, parse_mapping(mapping), kt, gear)
+    columns = parse_mapping(mapping)
+    record = read_log(log or LOG, models[0].platform, columns, kt, gear, recording)
     steps = len(models) + (report is not None)
     with console.progress("comparing", steps, "steps") as show:
         standings = rank(compare(record, models, window, seed, show), seed)
@@ -136,6 +139,7 @@ def tell(standings: list[Standing], page: Path | None) -> None:
     best = standings[0].comparison
     console.out.print(verdict(standings), style="bold", soft_wrap=True)
     console.out.print(failing(best), soft_wrap=True)
+    console.section("How the log was recorded", in_words(best.recording))
     console.section("Note", [note(best.log)] if note(best.log) else [])
     console.out.print()
     rows = free_run_rows(standings)

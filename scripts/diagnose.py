@@ -8,9 +8,10 @@ from typing import Annotated
 import console
 import given_effects
 import typer
-from given_logs import FIT, TEST, read_log, refuse_double
+from given_logs import FIT, TEST, Recorded, read_log, refuse_double
 
 from ident.diagnosis.verdict import Diagnosis, diagnose
+from ident.recording import in_words
 from youbot_env.model_file import load_model
 
 SHOWN = 8
@@ -32,6 +33,7 @@ def main(
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
     effects: given_effects.EffectsFile = None,
+    recording: Recorded = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
 ) -> None:
@@ -42,7 +44,7 @@ def main(
     given_effects.load_effects(effects)
     start = load_model(model)
     paths = [*logs, *([test] if test else [])]
-    records = [read_log(path, start.platform, {}, None, None) for path in paths]
+    records = [read_log(path, start.platform, {}, None, None, recording) for path in paths]
     refuse_double(records)
     used = {log.source: log.digest for log in records}
     held = records.pop() if test else None
@@ -61,7 +63,9 @@ def main(
 
 def show(found: Diagnosis) -> None:
     """Print the verdict, sizes and what else was tried."""
-    console.out.print(f"{found.verdict.replace('_', ' ')}: {found.reason}\n")
+    console.out.print(f"{found.verdict.replace('_', ' ')}: {found.reason}")
+    console.section("How the logs were recorded", in_words(found.recording))
+    console.out.print()
     rows = []
     for step in found.named:
         for name, q in step.sizes(found.model).items():

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import console
+import typer
 
 from ident.log import Log
 from youbot_env.platform import Platform
@@ -13,8 +15,23 @@ LOGS = console.ROOT / "logs"
 FIT, TEST = LOGS / "youbot_fit.csv", LOGS / "youbot_test.csv"
 
 
+Recorded = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--recording", metavar="NAME=VALUE",
+        help="How the logs were recorded, where that is known: drive_hold=held, drive_offset=0.02; "
+        "may be repeated.",
+    ),
+]  # fmt: skip
+
+
 def read_log(
-    path: Path, platform: Platform, mapping: dict[str, str], kt: float | None, gear: float | None
+    path: Path,
+    platform: Platform,
+    mapping: dict[str, str],
+    kt: float | None,
+    gear: float | None,
+    recording: list[str] | None = None,
 ) -> Log:
     """Read a log; a log that is not there is told with what to do."""
     if not path.exists():
@@ -22,7 +39,7 @@ def read_log(
             f"no log {console.shown(path)!r}; check the name, or record one with "
             "python scripts/record.py"
         )
-    return Log.load(path, platform, mapping or None, kt, gear)
+    return Log.load(path, platform, mapping or None, kt, gear, recording=recording or ())
 
 
 def parse_mapping(arguments: list[str] | None) -> dict[str, str]:

@@ -11,11 +11,12 @@ import console
 import given_effects
 import numpy as np
 import typer
-from given_logs import FIT, TEST, parse_mapping, read_log, refuse_double
+from given_logs import FIT, TEST, Recorded, parse_mapping, read_log, refuse_double
 
 from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
 from ident.identification import identify
 from ident.quantities import UNSEEN
+from ident.recording import in_words
 from ident.report.identify import identification_page
 from ident.report.outcome import (
     Outcome,
@@ -93,6 +94,7 @@ def main(
     gear: Annotated[
         float | None, typer.Option(help="Motor turns per wheel turn, where a log holds currents.")
     ] = None,
+    recording: Recorded = None,
     seed: console.Seed = 0,
 ) -> None:
     """Identify the parameters of a platform from measured logs.
@@ -110,8 +112,9 @@ def main(
     columns = parse_mapping(mapping)
     table = before.platform if platform is None else load_model(platform).platform
     with console.progress("identifying", 4, "steps") as show:
-        measured = [read_log(path, table, columns, kt, gear) for path in logs]
-        untouched = None if test is None else read_log(test, table, columns, kt, gear)
+        used = table, columns, kt, gear, recording
+        measured = [read_log(path, *used) for path in logs]
+        untouched = None if test is None else read_log(test, *used)
         refuse_double([*measured, *([] if untouched is None else [untouched])])
         show(1)
         result = identify(measured, before, added, untouched, method, name=out.stem)
@@ -179,6 +182,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     """Say what was found: the verdict, then what it rests on."""
     result = outcome.result
     console.out.print(outcome.verdict, style="bold", soft_wrap=True)
+    console.section("How the logs were recorded", in_words(result.recording))
     heads = ("", outcome.label, "identified", "95 % interval", "unit")
     rows = [
         (*row[:5], "prior" if row[5] == UNSEEN else "fit", row[6])

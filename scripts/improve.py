@@ -10,7 +10,7 @@ import console
 import given_effects
 import numpy as np
 import typer
-from given_logs import FIT, TEST, read_log, refuse_double
+from given_logs import FIT, TEST, Recorded, read_log, refuse_double
 
 from controllers import make
 from controllers.evaluation.motions import Motion
@@ -18,6 +18,7 @@ from controllers.evaluation.run import drive, make_env, measure
 from controllers.evaluation.subjects import Subject
 from ident.improvement import Improvement, improve
 from ident.log import Log
+from ident.recording import in_words
 from ident.report.improve import (
     ERRORS_HEAD,
     base_head,
@@ -81,6 +82,7 @@ def main(
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
     effects: given_effects.EffectsFile = None,
+    recording: Recorded = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
 ) -> None:
@@ -91,7 +93,7 @@ def main(
         logs, test = [FIT], test or TEST
     start = load_model(model)
     paths = [*logs, *([test] if test else [])]
-    records = [read_log(path, start.platform, {}, None, None) for path in paths]
+    records = [read_log(path, start.platform, {}, None, None, recording) for path in paths]
     refuse_double(records)
     history = console.provenance(seed, {log.source: log.digest for log in records})
     held = records.pop() if test else None
@@ -170,6 +172,7 @@ def tell(done: Improvement, gains: list[str], out: Path | None, page: Path | Non
     """Say what was added, how the error fell, and what to do with the model."""
     found = done.found
     console.out.print(verdict(done), style="bold", soft_wrap=True)
+    console.section("How the logs were recorded", in_words(found.recording))
     if done.stages:
         errors = [*(stage.nrmse for stage in done.stages), found.errors.floor]
         rows = [

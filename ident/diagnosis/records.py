@@ -62,7 +62,7 @@ def told(records: list[Recording], fits: Refits, model: Model) -> tuple[Instrume
         if number >= len(refined.models) or SHIFT in stated(model, fits.parts[number].log):
             found += record.instruments
             continue
-        found += clock(record.original, *lead(fits.parts[number].log, refined, number))
+        found += clock(record.original, *lead(refined, number))
         found += declared(record.original)
     return (*found, *_sensors(records[0].original, model))
 

@@ -20,6 +20,7 @@ class Table:
         unit_of_place: what ``lines`` counts ("line" of a text file, "row" or "message").
         names: log names of foreign columns, ``{log name: column}``.
         findings: what the loader had to put right.
+        recording: what the file declares about how it was recorded, ``EFFECT=VALUE`` each.
     """
 
     columns: dict[str, Any]
@@ -27,6 +28,7 @@ class Table:
     unit_of_place: str = "line"
     names: dict[str, str] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
+    recording: list[str] = field(default_factory=list)
 
     def tell(self, what: str, where: str, remedy: str) -> None:
         """Add a finding about something that was put right."""

@@ -17,6 +17,8 @@ MOST_COLUMNS = 2000
 NUMBER = re.compile(
     r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE
 )
+# A comment that says how the rows came to be.
+DECLARATION = re.compile(rb"^#+[ \t]*recording:[ \t]*(.*?)[ \t]*$", re.MULTILINE)
 
 
 class DelimitedLoader(Loader):
@@ -35,7 +37,13 @@ class DelimitedLoader(Loader):
 
     def read(self, path: Path, platform: Platform) -> Table:
         """Read all cells as text; the doctor turns them into numbers and names bad ones."""
-        return parse(_text(path), path)
+        data = _text(path)
+        table = parse(data, path)
+        for line in DECLARATION.findall(data):
+            table.recording += [
+                item for item in re.split(r"[,;]\s*|\s+", line.decode("utf-8", "replace")) if item
+            ]
+        return table
 
 
 def header(path: Path) -> list[str]:

@@ -26,12 +26,14 @@ class ParquetLoader(Loader):
 
         try:
             frame = pl.read_parquet(path)
+            stated = pl.read_parquet_metadata(path).get("recording", "")
         except (pl.exceptions.PolarsError, OSError, ValueError) as error:
             text = str(error).splitlines()[0]
             raise refuse(path, f"damaged Parquet ({text})", "file", "copy it again") from error
         if not len(frame):
             raise refuse(path, "there is no row", "file", "record again")
         table = Table({}, np.arange(1, len(frame) + 1), "row")
+        table.recording = [item for item in stated.replace(",", " ").split() if item]
         for name, column in zip(frame.columns, frame.iter_columns(), strict=True):
             if column.dtype == pl.Duration:
                 column = column.dt.total_nanoseconds().cast(pl.Float64) * 1e-9

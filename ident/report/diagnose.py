@@ -11,6 +11,7 @@ from ident.diagnosis.shortlist import CHANGING, LEAST_GAIN
 from ident.diagnosis.verdict import Diagnosis
 from ident.log import Log
 from ident.physical import invisible
+from ident.recording import in_words
 from ident.report import motion
 from ident.report.compare_words import probability
 from ident.report.diagnose_error import depends_on, ends, falling, where
@@ -84,6 +85,7 @@ def sections(found: Diagnosis, logs: tuple[Log, ...] = ()) -> list[Section]:
     else:
         compared = compare(found.first.parts[0].log, ends(found))
         shown = [
+            Section("How the logs were recorded", [Notes(in_words(found.recording), "")]),
             _tried(found),
             _sizes(found),
             _experiment(found),

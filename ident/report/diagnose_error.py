@@ -41,10 +41,12 @@ def falling(found: Diagnosis) -> Section:
         caption += f" The error falls by {percent(1 - errors.after / errors.before)}, 95 % interval"
         caption += f" {low} ... {high} ({errors.windows} windows)."
     part = max(found.first.parts, key=lambda part: part.windows(VERIFY).sum())
-    colors = (NOMINAL, IDENTIFIED)
+    colors, length = (NOMINAL, IDENTIFIED), window_length(part.log)
+    number = found.first.parts.index(part)
+    stages = [found.models[0], *found.models[-1:]][: len(ends(found))]
     runs = [
-        (model.name, color, untouched(part, free_run(part.log, model, window_length(part.log))))
-        for model, color in zip(ends(found), colors, strict=False)
+        (shown.name, color, untouched(part, free_run(part.log, own[number], length)))
+        for shown, own, color in zip(ends(found), stages, colors, strict=False)
     ]
     seen = (
         f"{part.log.name}: windows that were kept for the end, measured and simulated from the "

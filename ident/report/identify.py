@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ident.recording import in_words
 from ident.report import forces, motion
 from ident.report.estimates import correlation_figure, track_figure
 from ident.report.outcome import (
@@ -64,6 +65,7 @@ def identification_page(outcome: Outcome, provenance: dict[str, str]) -> Page:
         figures,
         [
             _prediction(outcome),
+            Section("How the logs were recorded", [Notes(in_words(result.recording), "")]),
             _parameters(outcome),
             _trust(outcome),
             _estimators(outcome),
