@@ -163,7 +163,12 @@ def record_motion(
     at = LoopInstants.of(np.arange(round(seconds / sample)) * sample, loop_rate)
     per_row = int(at.row[1])
     if per_row > 1:
-        plant = plant.sampled(sample / per_row)
+        try:
+            plant = plant.sampled(sample / per_row)
+        except ValueError as error:
+            raise ValueError(
+                f"loops at {loop_rate:g} Hz, {per_row} steps a row of {sample:g} s: {error}"
+            ) from error
     eased = Eased(of=reference, seconds=ease)
     values = eased.draw(np.random.default_rng(motion)).tolist()
     twist = eased.evaluate(values, at.time, NUMPY).twist(NUMPY)

@@ -9,8 +9,8 @@ import numpy as np
 from youbot_env.backend import Ops
 from youbot_env.references.base import Motion, Reference
 
-# How long records take to bring a motion up to speed, s.  0.3 m/s within it is 0.3 to 0.45 m/s^2,
-# below what the drives of the youBot give, so that they start without reaching their limit.
+# How long records take to bring a motion up to speed, s.  0.3 m/s within it is at most 0.56 m/s^2,
+# a sixth of what the drives of the youBot can give, so that they start far from their limit.
 EASE_IN = 1.0
 
 
@@ -19,8 +19,9 @@ class Eased(Reference):
     """Another reference along its own path, at rest at time zero and at its own speed later.
 
     The other reference is read at ``phase(t)`` instead of t.  Its derivative is the smooth step
-    ``3 s^2 - 2 s^3`` of ``s = t / seconds``, so velocity and acceleration start at zero and change
-    without a jump; afterwards the motion is ``seconds / 2`` late.  Before time zero it rests.
+    ``10 s^3 - 15 s^4 + 6 s^5`` of ``s = t / seconds``, so velocity and acceleration start at zero
+    and change without a kink; afterwards the motion is ``seconds / 2`` late.  Before time zero it
+    rests.
 
     Attributes:
         of: the reference that is eased.
@@ -50,8 +51,10 @@ class Eased(Reference):
             return self.of.evaluate(values, t, ops)
         t = ops.maximum(t, 0.0)
         s = ops.minimum(t / self.seconds, 1.0)
-        phase = t + self.seconds * (s * s * s * (1.0 - s / 2) - s)
-        pace, change = s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s) / self.seconds
+        cube, left = s * s * s, 1.0 - s
+        phase = t + self.seconds * (cube * s * (2.5 - 3.0 * s + s * s) - s)
+        pace = cube * (10.0 - 15.0 * s + 6.0 * s * s)
+        change = 30.0 * s * s * left * left / self.seconds
         motion = self.of.evaluate(values, phase, ops)
         pairs = zip(motion.rate, motion.acceleration, strict=True)
         return Motion(

@@ -19,9 +19,10 @@ class WheelLoop:
     The integral leaks.  Four loops on one platform share a load that has three freedoms: what their
     integrals hold against each other moves nothing, shows in no speed and would stay for ever.
     Drives that turn one load are therefore given a droop, a speed that falls a little with torque;
-    one to a few per cent at full torque are usual.  A leak is a droop for slow changes alone:
-    a steady torque M costs ``M / (kp + ki leak)``.  With 10 s the largest torque costs 0.1 rad/s,
-    0.6 % of the wheels' 17 rad/s, and the motions of a record (0.3 rad/s and more) hardly see it.
+    one to three per cent at full torque are usual.  A leak is a droop for slow changes alone: a
+    steady torque M costs ``M / (kp + ki leak)``.  With 5 s the largest torque costs 0.19 rad/s,
+    1.1 % of the wheels' 17 rad/s, a cruise of 0.3 m/s some 0.05 rad/s, and the motions of a record,
+    which change within seconds, nothing.
 
     Attributes:
         kp: proportional gain, N m s/rad.
@@ -33,7 +34,7 @@ class WheelLoop:
     kp: float = 0.8
     ki: float = 4.0
     limit: float = 4.0
-    leak: float = 10.0
+    leak: float = 5.0
 
     def torque(self, reference: tuple, measured: tuple, integral: tuple, dt, ops: Ops):
         """Return ``(torques N m, integrals N m)`` for n reference and measured speeds, rad/s.
