@@ -208,16 +208,14 @@ def scale(
 ) -> tuple[float, float]:
     """Amount of an effect of some size, and the share of the rms torque that it is worth.
 
-    Where a bound keeps the effect below ``FULL``, sizes are parts of what it reaches.
+    Where a bound keeps the effect below ``FULL``, sizes are parts of what it reaches.  Torques are
+    held from row to row here, so that the equations leave nothing but the effect.
     """
     even = replace(conditions, jitter=0.0)  # says the same, and the filters are faster on it
     times = even.times(FIT_SECONDS, np.random.default_rng(seed))
 
     def drive(model: Model) -> Log:
-        return record(
-            "exact", model, conditions.reference(), times, IDEAL, seed,
-            conditions.loop_rate, conditions.row,
-        )  # fmt: skip
+        return record("exact", model, conditions.reference(), times, IDEAL, seed, loop_rate=None)
 
     amount, share = amount_for(FULL, hidden, robot, drive)
     return (amount, share) if size == 1.0 else amount_for(size * share, hidden, robot, drive)
