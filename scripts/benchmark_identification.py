@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -21,31 +23,74 @@ from ident.regression import build_regression
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 from youbot_env.references import calibration_sequence
-from youbot_env.simulation import Sensors, record_closed_loop
+from youbot_env.simulation import ROWS, Sensors, record_closed_loop
 
-CASES = {
-    "100 Hz": (100.0, 0.0),
-    "50 Hz": (50.0, 0.0),
-    "100 Hz, jitter 30 %": (100.0, 0.3),
-}
+HOLDS = (*ROWS, "held")
+LOOP_RATE = 1000.0  # Hz
+SLOWEST_LOOPS = 25.0  # Hz; below it loops that run at the log's rate go unstable
+OFFSETS = (-30.0, 30.0)  # ms
+
+
+@dataclass(frozen=True)
+class Case:
+    """One way to record.
+
+    Attributes:
+        rate: rows a second, Hz.
+        jitter: uniform scatter of their times, in sample times.
+        hold: ``sampled`` or ``averaged`` torques of loops at 1 kHz, or ``held`` from row to row.
+        offset: how late the clock of the torques is, s: a row at t shows the torque of t - offset.
+    """
+
+    rate: float
+    jitter: float = 0.0
+    hold: str = "sampled"
+    offset: float = 0.0
+
+    def __str__(self) -> str:
+        parts = [f"{self.rate:g} Hz"]
+        if self.jitter:
+            parts.append(f"jitter {self.jitter:.0%}".replace("%", " %"))
+        if self.hold != "sampled":
+            parts.append(self.hold)
+        if self.offset:
+            parts.append(f"torques {1e3 * self.offset:+g} ms")
+        return ", ".join(parts)
+
+
+CASES = (Case(100.0), Case(50.0), Case(100.0, 0.3))
 METHODS = ("instrumental variables", "least squares", "ordinary least squares")
 
 
 def benchmark(
     robots: Annotated[int, typer.Option(min=2, help="Robots of each case.")] = 200,
     seconds: Annotated[float, typer.Option(help="Length of each log, s.")] = 112.0,
+    rate: Annotated[
+        list[float] | None, typer.Option(help="Rows a second, Hz; again for more.")
+    ] = None,
+    hold: Annotated[
+        list[str] | None, typer.Option(help=f"One of {', '.join(HOLDS)}; again for more.")
+    ] = None,
+    offset: Annotated[
+        list[float] | None,
+        typer.Option(help="How late the torques of the rows are, ms; again for more."),
+    ] = None,
     seed: console.Seed = 0,
     json: console.Json = None,
 ) -> None:
-    """Measure coverage, bias and speed of identification on simulated robots."""
+    """Measure coverage, bias and speed of identification on simulated robots.
+
+    Every --rate is run with every --hold and every --offset.
+    """
     console.check_writable(json)
+    cases = chosen_cases(rate, hold, offset)
     result = {"cases": {}, "robots": robots, "seconds": seconds}
-    total = robots * len(CASES)
+    total = robots * len(cases)
     with console.progress("robots", total) as show:
-        for number, (case, (rate, jitter)) in enumerate(CASES.items()):
+        for number, case in enumerate(cases):
             done = number * robots
-            result["cases"][case] = run_case(
-                robots, seconds, rate, jitter, seed, lambda k, done=done: show(done + k)
+            result["cases"][str(case)] = run_case(
+                robots, seconds, case, seed, lambda k, done=done: show(done + k)
             )
     for case, methods in result["cases"].items():
         rows = []
@@ -60,13 +105,47 @@ def benchmark(
     console.write_json(json, result)
 
 
-def run_case(robots: int, seconds: float, rate: float, jitter: float, seed: int, show) -> dict:
+def chosen_cases(
+    rates: list[float] | None, holds: list[str] | None, offsets: list[float] | None
+) -> tuple[Case, ...]:
+    """All combinations of what was given, or the usual cases.
+
+    Raises:
+        ValueError: names the option, its value and what to give instead.
+    """
+    if not (rates or holds or offsets):
+        return CASES
+    for hold in holds or ():
+        if hold not in HOLDS:
+            raise ValueError(f"--hold {hold}: choose one of {', '.join(HOLDS)}")
+    for rate in rates or ():
+        if not 5.0 <= rate <= LOOP_RATE:
+            raise ValueError(f"--rate {rate:g} Hz: give 5 to {LOOP_RATE:g} Hz")
+    for offset in offsets or ():
+        if not OFFSETS[0] <= offset <= OFFSETS[1]:
+            raise ValueError(f"--offset {offset:g} ms: give {OFFSETS[0]:g} to {OFFSETS[1]:g} ms")
+    cases = tuple(
+        Case(rate, 0.0, hold, 1e-3 * offset)
+        for rate in rates or (100.0,)
+        for hold in holds or ("sampled",)
+        for offset in offsets or (0.0,)
+        if hold != "held" or rate >= SLOWEST_LOOPS  # slower loops are unstable: no such logs
+    )
+    if not cases:
+        raise ValueError(
+            f"--hold held: the loops run at the log's rate; give a --rate of {SLOWEST_LOOPS:g} Hz "
+            "or more"
+        )
+    return cases
+
+
+def run_case(robots: int, seconds: float, case: Case, seed: int, show: Callable) -> dict:
     """Identify every robot of one case; coverage, median error and bias of the lumps, percent."""
     nominal, truths = load_model("nominal"), draw_robots(robots, seed)
     weights = {lump: row for lump, (row, _) in lump_weights(nominal).items()}
     inside, error = ({m: {lump: [] for lump in weights} for m in METHODS} for _ in range(2))
     for k, truth in enumerate(truths):
-        log = record(truth, seconds, rate, jitter, seed + k)
+        log = record(truth, seconds, case, seed + k)
         for method, (values, covariance, quantile) in estimates(log, nominal).items():
             for lump, row in weights.items():
                 true, value = row @ np.array(truth.values()), row @ values
@@ -87,15 +166,31 @@ def run_case(robots: int, seconds: float, rate: float, jitter: float, seed: int,
     }
 
 
-def record(truth: Model, seconds: float, rate: float, jitter: float, seed: int) -> Log:
+def record(truth: Model, seconds: float, case: Case, seed: int) -> Log:
     """Record calibration motions I, III, II, IV with the sensors' noise."""
-    count = round(seconds * rate)
-    late = jitter * np.random.default_rng(seed).uniform(-0.5, 0.5, count)
-    times = (np.arange(count) + late) / rate
+    count = round(seconds * case.rate)
+    late = case.jitter * np.random.default_rng(seed).uniform(-0.5, 0.5, count)
+    times = (np.arange(count) + late) / case.rate
+    held = case.hold == "held"
     channels = record_closed_loop(
-        truth, calibration_sequence(seconds=seconds), times, Sensors(), seed=seed
-    )
+        truth, calibration_sequence(seconds=seconds), times, Sensors(), seed=seed,
+        loop_rate=None if held else LOOP_RATE, row="sampled" if held else case.hold,
+        instrument=late_torques(case.offset) if case.offset else None,
+    )  # fmt: skip
     return Log(truth.name, truth.platform, **channels)
+
+
+def late_torques(offset: float) -> Callable[[dict], dict]:
+    """An instrument whose torques at t are those of t - offset, s; 0 N m before the first."""
+
+    def shift(dense: dict) -> dict:
+        time, torque = dense["time"], dense["wheel_torque"]
+        # The small number keeps the rounding of the times from taking the command before.
+        given = np.searchsorted(time, time - offset + 1e-9, side="right") - 1
+        shown = np.where(given[:, None] < 0, 0.0, torque[np.maximum(given, 0)])
+        return dense | {"wheel_torque": shown}
+
+    return shift
 
 
 def estimates(log: Log, nominal: Model) -> dict:
@@ -117,7 +212,7 @@ def estimates(log: Log, nominal: Model) -> dict:
 def speed(seed: int) -> dict[str, float]:
     """Seconds of a complete fit of 140 s at 1 kHz, and samples a second of the recursive form."""
     nominal = load_model("nominal")
-    log = record(load_model("paper"), 140.0, 1000.0, 0.0, seed)
+    log = record(load_model("paper"), 140.0, Case(1000.0), seed)
     times = []
     for _ in range(3):
         start = time.perf_counter()

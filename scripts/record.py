@@ -19,11 +19,13 @@ from youbot_env.model import Model
 from youbot_env.model_file import load_model, model_to_dict, save_model
 from youbot_env.recording import record_motion, write_table
 from youbot_env.references import REFERENCES, Reference, make_reference
-from youbot_env.simulation import AnalyticPlant, Sensors, WheelLoop
+from youbot_env.simulation import ROWS, AnalyticPlant, Sensors, WheelLoop
 
 PLANTS = ("analytic", "rollers")
 MOST_ROWS = 1_000_000
-RATES = (25.0, 1000.0)  # Hz; below it the wheel-speed loops of the youBot go unstable
+HOLDS = (*ROWS, "held")
+RATES = (5.0, 1000.0)  # Hz
+LOOP_RATES = (25.0, 10_000.0)  # Hz; below it the wheel-speed loops of the youBot go unstable
 FASTEST = 3.0  # m/s; the youBot's driver stops at 0.8
 HARMONICS = 5  # times the base frequency, the fastest sine of any motion
 # The sensors resolve 1e-3 of everything; a log without noise is for comparing equations.
@@ -46,7 +48,20 @@ def record(
         float | None, typer.Option(help="Base frequency, rad/s; the motion's own if left.")
     ] = None,
     seconds: Annotated[float, typer.Option(help="Length of the log, s.")] = 112.0,
-    rate: Annotated[float, typer.Option(help="Samples a second, Hz.")] = 100.0,
+    rate: Annotated[float, typer.Option(help="Rows a second, Hz.")] = 100.0,
+    loop_rate: Annotated[
+        float, typer.Option(help="Rate of the wheel-speed loops, Hz; a row takes whole loop steps.")
+    ] = 1000.0,
+    hold: Annotated[
+        str,
+        typer.Option(
+            help="A row's torque: sampled (the command at its time), averaged (mean since the row "
+            "before) or held (the loops run at the log's rate, --loop-rate is not used)."
+        ),
+    ] = "sampled",
+    declare: Annotated[
+        bool, typer.Option("--declare", help="Say in the log what a row's torque is.")
+    ] = False,
     noise: Annotated[bool, typer.Option(help="Noise and resolution of the sensors.")] = True,
     floor_friction: Annotated[
         float | None, typer.Option(help="Friction coefficient of the floor (rollers): 0.8 if left.")
@@ -68,6 +83,7 @@ def record(
     The wheels' speed loops follow the motion; effects act and the log does not show them.
     """
     check_numbers(rate, seconds, speed, frequency)
+    loops = check_loops(hold, rate, loop_rate)
     console.check_writable(log, truth, json_file)
     if log.suffix.lower() != ".csv":
         raise ValueError(f"--out {log}: logs are written as CSV; end the name in .csv")
@@ -78,16 +94,22 @@ def record(
     driven = make_plant(plant, robot, 1 / rate, floor_friction)
     reference = choose_motion(motion, robot, seconds, speed, frequency)
     with console.progress(f"{plant} plant, motion {motion}", seconds, "s") as show:
-        columns = record_motion(driven, reference, seconds, loop, sensors, seed, show)
+        columns = record_motion(
+            driven, reference, seconds, loop, sensors, seed, show, loops,
+            "sampled" if loops is None else hold,
+        )  # fmt: skip
 
     options = {
         "plant": plant, "model": console.shown(model), "motion": motion, "speed": speed,
-        "frequency": frequency, "seconds": seconds, "rate": rate, "floor_friction": floor_friction,
-        "seed": seed,
+        "frequency": frequency, "seconds": seconds, "rate": rate, "loop_rate": loops, "hold": hold,
+        "floor_friction": floor_friction, "seed": seed,
     }  # fmt: skip
-    command = canonical_command(options, effect, effects, noise, hide)
+    command = canonical_command(options, effect, effects, noise, hide, declare)
+    declared = [f"recording: drive_hold={hold}"] if declare else []
     decimals = NOISY_DECIMALS if noise else EXACT_DECIMALS
-    write_table(log, columns, [command, *([] if hide else effect_lines(robot))], decimals)
+    write_table(
+        log, columns, [command, *declared, *([] if hide else effect_lines(robot))], decimals
+    )
     digest = sha256(log.read_bytes()).hexdigest()
     history = console.provenance(seed, {log.name: digest}, command)
     if truth is not None:
@@ -121,6 +143,34 @@ def check_numbers(
             f"--frequency {frequency:g} rad/s: at {rate:g} Hz give more than 0 and at most "
             f"{highest:.3g} rad/s"
         )
+
+
+def check_loops(hold: str, rate: float, loop_rate: float) -> float | None:
+    """Return the rate of the wheel-speed loops, Hz; None where they run at the log's.
+
+    Raises:
+        ValueError: names the option, its value and what to give instead.
+    """
+    if hold not in HOLDS:
+        raise ValueError(f"--hold {hold}: choose one of {', '.join(HOLDS)}")
+    if hold == "held":
+        if rate < LOOP_RATES[0]:
+            raise ValueError(
+                f"--rate {rate:g} Hz with --hold held: the wheel-speed loops run at the log's rate "
+                f"and go unstable below {LOOP_RATES[0]:g} Hz; give a higher --rate or --hold "
+                "sampled"
+            )
+        return None
+    if not LOOP_RATES[0] <= loop_rate <= LOOP_RATES[1]:
+        raise ValueError(
+            f"--loop-rate {loop_rate:g} Hz: give {LOOP_RATES[0]:g} to {LOOP_RATES[1]:g} Hz"
+        )
+    if rate > loop_rate:
+        raise ValueError(
+            f"--rate {rate:g} Hz is above --loop-rate {loop_rate:g} Hz; a log shows at most every "
+            "step of its loops: lower --rate or raise --loop-rate"
+        )
+    return loop_rate
 
 
 def make_plant(name: str, model: Model, dt: float, floor_friction: float | None):
@@ -157,7 +207,12 @@ def choose_motion(
 
 
 def canonical_command(
-    options: dict, effects: list[str] | None, file: Path | None, noise: bool, hide: bool
+    options: dict,
+    effects: list[str] | None,
+    file: Path | None,
+    noise: bool,
+    hide: bool,
+    declare: bool,
 ) -> str:
     """What makes the log the same again: all that shapes it, nothing about where it went."""
     words = ["python", "scripts/record.py"]
@@ -172,7 +227,8 @@ def canonical_command(
         words += ["--effect", effect]
     if file is not None and not hide:
         words += ["--effects", console.shown(file)]
-    return shlex.join(words) + (" --hide" if hide else "")
+    words += [flag for flag, given in (("--hide", hide), ("--declare", declare)) if given]
+    return shlex.join(words)
 
 
 def effect_lines(model: Model) -> list[str]:

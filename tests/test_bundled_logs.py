@@ -29,7 +29,8 @@ def test_bundled_log_is_what_its_command_makes(script, name):
     pytest.importorskip("mujoco")
     motion, seconds, speed, frequency, seed = BUNDLED[name]
     options = ("--plant", "rollers", "--model", LOGS / "truth.yaml", "--motion", motion, "--speed",
-               speed, "--frequency", frequency, "--seed", seed, "--hide")  # fmt: skip
+               speed, "--frequency", frequency, "--hold", "held", "--seed", seed,
+               "--hide")  # fmt: skip
     # Only the start: the calibration motions share the seconds, so that one is driven by motion I.
     start = 1.0
     if motion == "calibration":

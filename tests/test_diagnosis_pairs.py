@@ -19,7 +19,8 @@ PAPER, NOMINAL = load_model("paper"), load_model("nominal")
 
 def record(model, motion, seconds, seed):
     times = np.arange(round(seconds * 100)) / 100
-    channels = record_closed_loop(model, motion, times, Sensors(), seed=seed)
+    # The motion begins at once: the jerk of the start tells a lag of the drive from its load.
+    channels = record_closed_loop(model, motion, times, Sensors(), seed=seed, ease=0.0)
     return Log(f"log{seed}", model.platform, **channels)
 
 

@@ -36,7 +36,10 @@ def motion(name, **options):
 
 
 def record(reference, seconds, model=NOMINAL, sensors=SENSORS, seed=1, dt=0.01):
-    columns = record_motion(AnalyticPlant(model, dt), reference, seconds, None, sensors, seed)
+    # Not eased in: a start along the path shows what the motion itself does not.
+    columns = record_motion(
+        AnalyticPlant(model, dt), reference, seconds, None, sensors, seed, ease=0.0
+    )
     channels = {
         channel: np.column_stack([columns[name] for name in names])
         for channel, names in channel_columns(model.platform).items()

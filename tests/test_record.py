@@ -68,7 +68,27 @@ def test_table_has_the_columns_of_the_contract_at_the_rate_asked_for(record):
     table = read("log.csv")
     assert table.columns == ["time", *(name for channel in LOGGED for name in COLUMNS[channel])]
     np.testing.assert_allclose(table["time"], np.arange(150) / 50, atol=1e-9)
-    assert re.search(r"--motion calibration .*--rate 50 --seed 0", comments("log.csv")[0])
+    assert re.search(r"--motion calibration .*--rate 50 .*--seed 0", comments("log.csv")[0])
+
+
+LOOPS = (("--loop-rate", 500), ("--hold", "averaged", "--rate", 20), ("--hold", "held"))
+
+
+@pytest.mark.parametrize("options", LOOPS)
+def test_command_in_the_log_makes_the_log_again(record, options):
+    given = ("--seconds", 1.5, "--motion", "eight", "--seed", 3, *options, "--declare")
+    assert record(*given, "--out", "a.csv")[0] == 0
+    command, declared = comments("a.csv")[:2]
+    held = options[1] if options[0] == "--hold" else "sampled"
+    assert declared == f"# recording: drive_hold={held}"
+    assert record(*command.split()[3:], "--out", "b.csv")[0] == 0
+    assert Path("a.csv").read_bytes() == Path("b.csv").read_bytes()
+
+
+def test_log_says_how_its_rows_came_to_be_only_when_asked(record):
+    assert record("--seconds", 1, "--out", "log.csv")[0] == 0
+    assert len(comments("log.csv")) == 1
+    assert "--rate 100 --loop-rate 1000 --hold sampled" in comments("log.csv")[0]
 
 
 @pytest.mark.parametrize("motion", ["I", "II", "III", "IV", "circle", "eight", "multisine"])
@@ -84,7 +104,8 @@ def test_robot_follows_the_motion(record, motion):
 
 
 def test_log_without_noise_is_what_the_model_does_under_its_torques(record):
-    options = ("--no-noise", "--seconds", 6, "--motion", "multisine", "--effect")
+    # Only torques that are held from row to row can be replayed from the rows.
+    options = ("--hold", "held", "--no-noise", "--seconds", 6, "--motion", "multisine", "--effect")
     assert record(*options, "wheel_coulomb_friction=0.2", "--out", "log.csv")[0] == 0
     table = read("log.csv")
     measured = table.select(COLUMNS["wheel_velocity"]).to_numpy()
@@ -162,7 +183,11 @@ BAD = {
     "frequency": (("--frequency", "0"), "0 rad/s: .*more than 0"),
     "frequency above the rate": (("--frequency", "100"), "at most 62.8 rad/s"),
     "seconds": (("--seconds", "inf"), "inf: at 100 Hz give 0.02 to 10000"),
-    "rate": (("--rate", "1"), "1 Hz: give 25 to 1000"),
+    "rate": (("--rate", "1"), "1 Hz: give 5 to 1000"),
+    "rate of held torques": (("--rate", "20", "--hold", "held"), "20 Hz .*unstable below 25 Hz"),
+    "loop rate": (("--loop-rate", "10"), "10 Hz: give 25 to 10000"),
+    "rate above the loops": (("--loop-rate", "50"), "100 Hz is above --loop-rate 50 Hz"),
+    "hold": (("--hold", "filtered"), "filtered: choose one of sampled, averaged, held"),
     "seed": (("--seed", "-3"), "--seed.*greater than or equal to 0"),
     "rate is text": (("--rate", "fast"), "--rate.*valid number"),
     "floor": (("--floor-friction", "0.3"), "0.3 belongs to --plant rollers.*wheel_slip=0.3"),
@@ -191,6 +216,7 @@ def test_bad_input_of_the_rollers_plant(record):
     pytest.importorskip("mujoco")
     for options, message in (
         (("--rate", 70), "70 Hz: dt = 0.0142.* whole number of physics steps"),
+        (("--loop-rate", 2000), "loops at 2000 Hz, 20 steps a row .* of physics steps"),
         (("--floor-friction", 0), "floor_friction = 0.0 must be positive"),
         (("--effect", "wheel_slip"), "wheel_slip.*use the analytic plant"),
     ):

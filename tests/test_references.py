@@ -5,7 +5,7 @@ import pytest
 
 from youbot_env.backend import NUMPY
 from youbot_env.platform import youbot
-from youbot_env.references import REFERENCES, Circle, make_reference
+from youbot_env.references import REFERENCES, Circle, Eased, make_reference
 
 T = np.arange(0.0, 40.0, 1e-3)
 NAMES = [name for name in REFERENCES if name != "step"]
@@ -20,6 +20,38 @@ def test_rates_are_derivatives_of_the_pose(name):
             # A sequence may change its velocity where two parts meet; everywhere else they agree.
             close = np.abs(numeric - rate)[2:-2] < 1e-4 * (1 + np.abs(rate[2:-2]))
             assert close.mean() > 0.999
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_eased_motion_has_the_right_derivatives(name):
+    motion = Eased(of=make_reference(name)).sample(T[:3000], seed=3)
+    for part, derivative in ((motion.pose, motion.rate), (motion.rate, motion.acceleration)):
+        for value, rate in zip(part, derivative, strict=True):
+            numeric = np.gradient(value, T[:3000])
+            np.testing.assert_allclose(numeric[2:-2], rate[2:-2], atol=2e-5)
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+def test_eased_motion_starts_at_rest_and_is_later_the_same(name):
+    motion, eased = make_reference(name), Eased(of=make_reference(name), seconds=0.8)
+    start, first = eased.sample(np.array([-0.1, 0.0]), 3), motion.sample(np.zeros(2), 3)
+    np.testing.assert_array_equal(start.pose, first.pose)
+    np.testing.assert_array_equal((start.rate, start.acceleration), 0.0)
+    late = np.linspace(0.8, 30.0, 200)
+    np.testing.assert_allclose(eased.sample(late, 3), motion.sample(late - 0.4, 3), atol=1e-12)
+    assert eased.duration == motion.duration + 0.4
+    at_once = Eased(of=motion, seconds=0.0)
+    np.testing.assert_array_equal(at_once.sample(late, 3), motion.sample(late, 3))
+
+
+def test_eased_motion_stays_on_the_path_and_below_its_speed():
+    motion = Eased(of=Circle(speed=0.3, frequency=0.5)).sample(T[:3000])
+    x, y, _ = motion.pose
+    np.testing.assert_allclose(np.hypot(x, y - 0.6), 0.6)
+    speed = np.hypot(*motion.rate[:2])
+    assert np.all(np.diff(speed) > -1e-12)
+    assert speed[-1] == pytest.approx(0.3)
+    assert np.diff(speed).max() / 1e-3 < 0.57  # m/s^2, 1.9 times the mean
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -90,5 +122,7 @@ def test_wrong_requests_name_the_value():
         make_reference("spiral")
     with pytest.raises(ValueError, match="speed = -1"):
         make_reference("circle", speed=-1)
+    with pytest.raises(ValueError, match="seconds = -1"):
+        Eased(of=Circle(), seconds=-1)
     with pytest.raises(TypeError, match="radius"):
         make_reference("circle", radius=1.0)

@@ -1,7 +1,8 @@
 """From motion to a log: drive a plant along a reference, or record any rollout of an environment.
 
 A log is a table of columns in SI units.  A row holds what the sensors show at its time and the
-torque command given then, which is held until the next row.
+torque command given then.  Where the wheel loops run at the log's rate that command is held until
+the next row; faster loops change it in between, and a row may then hold its mean instead.
 """
 
 from __future__ import annotations
@@ -16,13 +17,21 @@ from typing import TYPE_CHECKING
 import gymnasium as gym
 import numpy as np
 
-from youbot_env.backend import FLOAT
+from youbot_env.backend import FLOAT, NUMPY
 from youbot_env.channels import channel_columns
 from youbot_env.model_file import write_atomically
 from youbot_env.platform import Platform
 from youbot_env.references import Reference
-from youbot_env.simulation import AnalyticPlant, Sensors, WheelLoop
-from youbot_env.simulation.sensors import IDEAL
+from youbot_env.references.eased import EASE_IN, Eased
+from youbot_env.simulation import (
+    IDEAL,
+    AnalyticPlant,
+    Instrument,
+    LoopInstants,
+    Sensors,
+    WheelLoop,
+    pick_rows,
+)
 
 if TYPE_CHECKING:  # MuJoCo is imported only where a plant with rollers is made
     from youbot_env.rollers import RollersPlant
@@ -62,11 +71,7 @@ class Recording:
             children = np.random.SeedSequence(seed).spawn(len(read))
             for (channel, reader), child in zip(read.items(), children, strict=True):
                 channels[channel] = reader(channels[channel], np.random.default_rng(child))
-        columns = {"time": channels.pop("time")}
-        names = channel_columns(self.platform)
-        for channel, values in channels.items():
-            columns |= dict(zip(names[channel], values.T, strict=True))
-        return columns
+        return _columns(self.platform, channels)
 
 
 class RecordLog(gym.Wrapper):
@@ -117,60 +122,98 @@ def record_motion(
     sensors: Sensors | None = None,
     seed: int | None = None,
     progress: Callable[[float], None] | None = None,
+    loop_rate: float | None = None,
+    row: str = "sampled",
+    instrument: Instrument | None = None,
+    ease: float = EASE_IN,
 ) -> dict:
     """Drive a plant along a reference by its wheel-speed loops and record a log.
 
-    The loops see the wheel speeds as the sensors show them, as on the robot.  The plant starts at
-    rest at the first pose of the reference.
+    The loops see the wheel speeds as the sensors show them, as on the robot, and a row holds the
+    very reading that the loops had at its instant.  The plant starts at rest at the first pose of
+    the reference.
 
     Args:
-        plant: the robot; its ``dt`` is the sample time of loops and log.
-        reference: the commanded motion.
+        plant: the robot; its ``dt`` is the time between rows, s.  Where the loops are faster, a
+            robot like it is driven.
+        reference: the commanded motion, which is eased in from rest.
         seconds: length of the log, s.
         loop: gains on board.
         sensors: noise of the record and of the loops; None for none.
         seed: of reference and noise.
-        progress: called after every sample with the simulated time, s.
+        progress: called after every row with the simulated time, s.
+        loop_rate: rate of the loops, Hz; a row takes the nearest whole number of loop steps.  None:
+            one, so that the torque of a row is held until the next.
+        row: ``sampled`` or ``averaged`` torque, see ``simulation.rows.pick_rows``.
+        instrument: changes the channels at the loop instants before rows are picked, see there.
+        ease: how long the reference takes to come up to speed, s.
 
     Returns:
         Columns by name, (N,) each.
 
     Raises:
-        ValueError: a length that is not at least two samples.
+        ValueError: a length that is not at least two samples, or loops slower than the log.
         FloatingPointError: the simulation left the finite numbers.
     """
     if not (math.isfinite(seconds) and round(seconds / plant.dt) >= 2):
         raise ValueError(f"seconds = {seconds}; a log lasts at least two samples of {plant.dt} s")
-    loop, sensors, geometry = loop or WheelLoop(), sensors or IDEAL, plant.platform.geometry
+    sensors, platform, sample = sensors or IDEAL, plant.platform, plant.dt
     motion, *noises = np.random.SeedSequence(seed).spawn(4)
     speed_noise, torque_noise, pose_noise = map(np.random.default_rng, noises)
-    values = reference.draw(np.random.default_rng(motion)).tolist()
-    plant.reset(reference.evaluate(values, 0.0, FLOAT).pose)
-    recording, integral = Recording(plant.platform), (0.0,) * len(plant.platform.wheels)
-    for k in range(round(seconds / plant.dt)):
-        t = k * plant.dt
-        twist = reference.evaluate(values, t, FLOAT).twist(FLOAT)
-        speed = sensors.read_wheel_velocity(plant.wheel_velocity, speed_noise)
-        wanted = geometry.wheel_velocity(twist)
-        torque, integral = loop.torque(wanted, tuple(speed.tolist()), integral, plant.dt, FLOAT)
-        command = np.array(torque)
-        row = {
-            "time": t,
-            "wheel_velocity": speed,
-            "wheel_torque": sensors.read_wheel_torque(command, torque_noise),
-            "pose": sensors.read_pose(plant.pose, pose_noise),
-            "reference": np.array(twist),
-        }
-        if not np.isfinite(row["pose"]).all():
+    at = LoopInstants.of(np.arange(round(seconds / sample)) * sample, loop_rate)
+    per_row = int(at.row[1])
+    if per_row > 1:
+        try:
+            plant = plant.sampled(sample / per_row)
+        except ValueError as error:
+            raise ValueError(
+                f"loops at {loop_rate:g} Hz, {per_row} steps a row of {sample:g} s: {error}"
+            ) from error
+    eased = Eased(of=reference, seconds=ease)
+    values = eased.draw(np.random.default_rng(motion)).tolist()
+    twist = eased.evaluate(values, at.time, NUMPY).twist(NUMPY)
+    twist = np.column_stack(np.broadcast_arrays(*twist, at.time)[:3])
+    loop, integral = loop or WheelLoop(), (0.0,) * len(platform.wheels)
+    speed, command = (np.empty((len(twist), len(integral))) for _ in range(2))
+    moved = np.empty((len(twist), 6))
+    plant.reset(eased.evaluate(values, 0.0, FLOAT).pose)
+    set_points = np.column_stack(platform.geometry.wheel_velocity(tuple(twist.T)))
+    for k, wanted in enumerate(set_points.tolist()):
+        speed[k] = sensors.read_wheel_velocity(plant.wheel_velocity, speed_noise)
+        moved[k] = plant.motion()
+        torque, integral = loop.torque(wanted, tuple(speed[k].tolist()), integral, plant.dt, FLOAT)
+        command[k] = torque
+        plant.step(command[k])
+        if k % per_row:
+            continue
+        if not np.isfinite(moved[k]).all():
             raise FloatingPointError(
-                f"the simulation diverged before t = {t:.3f} s; use a shorter sample time than "
-                f"{plant.dt} s or smaller effects"
+                f"the simulation diverged before t = {at.time[k]:.3f} s; use a shorter sample time "
+                f"than {plant.dt:g} s or smaller effects"
             )
-        recording.rows.append(row)
-        plant.step(command)
         if progress is not None:
-            progress(t + plant.dt)
-    return recording.table()
+            progress(at.time[k] + sample)
+    dense = {
+        "time": at.time,
+        "wheel_velocity": speed,
+        "wheel_torque": command,
+        "pose": moved[:, :3],
+        "velocity": moved[:, 3:],
+        "reference": twist,
+    }
+    rows = pick_rows(dense, at.row, row, instrument)
+    rows["wheel_torque"] = sensors.read_wheel_torque(rows["wheel_torque"], torque_noise)
+    rows["pose"] = sensors.read_pose(rows["pose"], pose_noise)
+    return _columns(platform, rows)
+
+
+def _columns(platform: Platform, channels: dict) -> dict:
+    """Columns by name, ``time`` first, of channels (N, ...)."""
+    columns, names = {"time": channels["time"]}, channel_columns(platform)
+    for channel, values in channels.items():
+        if channel != "time":
+            columns |= dict(zip(names[channel], values.T, strict=True))
+    return columns
 
 
 def write_table(

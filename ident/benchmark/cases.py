@@ -191,8 +191,12 @@ def record_experiment(case: Case, recorded: Recorded, motion: str) -> Log:
         motion: name in ``ident.diagnosis.menu``.
     """
     child = case.children(7)[6]
-    times = recorded.conditions.times(SECONDS, np.random.default_rng(child))
-    return record("experiment", recorded.truth, menu()[motion], times, Sensors(), child)
+    conditions = recorded.conditions
+    times = conditions.times(SECONDS, np.random.default_rng(child))
+    return record(
+        "experiment", recorded.truth, menu()[motion], times, Sensors(), child,
+        conditions.loop_rate, conditions.row,
+    )  # fmt: skip
 
 
 def scale(
@@ -204,13 +208,14 @@ def scale(
 ) -> tuple[float, float]:
     """Amount of an effect of some size, and the share of the rms torque that it is worth.
 
-    Where a bound keeps the effect below ``FULL``, sizes are parts of what it reaches.
+    Where a bound keeps the effect below ``FULL``, sizes are parts of what it reaches.  Torques are
+    held from row to row here, so that the equations leave nothing but the effect.
     """
     even = replace(conditions, jitter=0.0)  # says the same, and the filters are faster on it
     times = even.times(FIT_SECONDS, np.random.default_rng(seed))
 
     def drive(model: Model) -> Log:
-        return record("exact", model, conditions.reference(), times, IDEAL, seed)
+        return record("exact", model, conditions.reference(), times, IDEAL, seed, loop_rate=None)
 
     amount, share = amount_for(FULL, hidden, robot, drive)
     return (amount, share) if size == 1.0 else amount_for(size * share, hidden, robot, drive)
@@ -225,11 +230,12 @@ def _record_both(case: Case, truth: Model, conditions: Conditions, first, second
         ("fit", conditions.reference(), FIT_SECONDS, first),
         ("verify", conditions.verifying(), VERIFY_SECONDS, second),
     )
+    loops = conditions.loop_rate, conditions.row
     for name, motion, seconds, seed in motions:
         if case.part == "rollers":
             from ident.benchmark.rolling import record_rolling
 
-            yield record_rolling(name, truth, motion, seconds, seed)
+            yield record_rolling(name, truth, motion, seconds, seed, *loops)
         else:
             times = conditions.times(seconds, np.random.default_rng(seed))
-            yield record(name, truth, motion, times, Sensors(), seed)
+            yield record(name, truth, motion, times, Sensors(), seed, *loops)

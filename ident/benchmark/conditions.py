@@ -13,6 +13,8 @@ from youbot_env.simulation import Sensors, record_closed_loop
 
 # Length of the record that is fitted and of the one that only verifies, s.
 FIT_SECONDS, VERIFY_SECONDS = 112.0, 48.0
+# The wheel-speed loops of a real drive run faster than its log, Hz.
+LOOP_RATE = 1000.0
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,8 @@ class Conditions:
         motion: ``calibration`` (motions I, III, II, IV) or ``smooth_random``.
         speed: peak speed of the centre, m/s.
         frequency: base frequency of the motion, rad/s.
+        loop_rate: rate of the wheel-speed loops, Hz; None: the log's, each torque held for its row.
+        row: ``sampled`` or ``averaged`` torque of a row.
     """
 
     rate: float = 100.0
@@ -32,6 +36,8 @@ class Conditions:
     motion: str = "calibration"
     speed: float = 0.3
     frequency: float = 0.8
+    loop_rate: float | None = LOOP_RATE
+    row: str = "sampled"
 
     @classmethod
     def draw(cls, rng: np.random.Generator, fast: bool = False) -> Conditions:
@@ -42,7 +48,8 @@ class Conditions:
 
         Args:
             rng: source of chance.
-            fast: 100 Hz always; a drive with a delay makes the wheel loops oscillate at 50 Hz.
+            fast: 100 Hz always; a delay of the drive shows little at 50 Hz, and makes loops that
+                run at the log's rate oscillate.
         """
         kind = rng.choice(3, p=(0.7, 0.15, 0.15))
         usual, calibration = rng.uniform() < 0.6, rng.uniform() < 0.8
@@ -83,8 +90,15 @@ def record(
     times: np.ndarray,
     sensors: Sensors,
     seed: np.random.SeedSequence,
+    loop_rate: float | None = LOOP_RATE,
+    row: str = "sampled",
 ) -> Log:
-    """Drive a robot on its wheel-speed loops and return what its sensors show."""
+    """Drive a robot on its wheel-speed loops and return what its sensors show.
+
+    See ``record_closed_loop`` for ``loop_rate`` and ``row``.
+    """
     number = int(seed.generate_state(1)[0])
-    channels = record_closed_loop(robot, reference, times, sensors, seed=number)
+    channels = record_closed_loop(
+        robot, reference, times, sensors, seed=number, loop_rate=loop_rate, row=row
+    )
     return Log(name, robot.platform, **channels)

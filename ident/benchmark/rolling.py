@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ident.benchmark.conditions import LOOP_RATE
 from ident.benchmark.robots import draw_robots
 from ident.log import Log
 from youbot_env.channels import channel_columns
@@ -29,11 +30,22 @@ def draw_rolling_robot(seed: np.random.SeedSequence) -> Model:
 
 
 def record_rolling(
-    name: str, robot: Model, motion: Reference, seconds: float, seed: np.random.SeedSequence
+    name: str,
+    robot: Model,
+    motion: Reference,
+    seconds: float,
+    seed: np.random.SeedSequence,
+    loop_rate: float | None = LOOP_RATE,
+    row: str = "sampled",
 ) -> Log:
-    """Drive a robot with real rollers and return what its sensors show."""
+    """Drive a robot with real rollers and return what its sensors show.
+
+    See ``record_motion`` for ``loop_rate`` and ``row``.
+    """
     plant, number = RollersPlant(robot, 1 / RATE), int(seed.generate_state(1)[0])
-    columns = record_motion(plant, motion, seconds, None, Sensors(), number)
+    columns = record_motion(
+        plant, motion, seconds, None, Sensors(), number, loop_rate=loop_rate, row=row
+    )
     names = channel_columns(robot.platform)
     channels = {
         channel: np.column_stack([columns[column] for column in names[channel]])

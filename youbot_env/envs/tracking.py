@@ -236,6 +236,3 @@ class RollersEnv(TrackingEnv):
 
     def _replace_robot(self, model: Model) -> None:
         self._plant = self._make_plant(model)
-
-    def _motion(self) -> np.ndarray:
-        return np.concatenate([self._plant.pose, self._plant.velocity])

@@ -15,12 +15,14 @@ from youbot_env.references.calibration import (
     calibration_sequence,
 )
 from youbot_env.references.designed import Fourier, MotionFileError, load_motion, save_motion
+from youbot_env.references.eased import Eased
 from youbot_env.references.harmonic import Circle, Eight, Harmonic, Multisine, SmoothRandom
 from youbot_env.references.step import Step
 
 __all__ = [
     "REFERENCES",
     "Circle",
+    "Eased",
     "Eight",
     "Fourier",
     "Harmonic",

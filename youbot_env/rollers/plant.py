@@ -58,7 +58,7 @@ class RollersPlant:
         if not floor_friction > 0:
             raise ValueError(f"floor_friction = {floor_friction} must be positive")
         self.model, self.platform, self.dt, self.t = model, model.platform, dt, 0.0
-        self._timestep = timestep
+        self._timestep, self._floor_friction = timestep, floor_friction
         self._structure = Structure.of(model, track_wheels=True)
         self._robot: Robot = self._structure.bind(model.values())
         for hook in INEXPRESSIBLE:
@@ -71,6 +71,14 @@ class RollersPlant:
         self.mj_model, self.mj_data = self._bodies.model, self._bodies.data
         self._camera: Camera | None = None
         self.reset()
+
+    def sampled(self, dt: float) -> RollersPlant:
+        """The same robot, at rest at the origin, with another sample time, s.
+
+        Raises:
+            ValueError: a dt that is no multiple of the physics step.
+        """
+        return RollersPlant(self.model, dt, self._floor_friction, self._timestep)
 
     def reset(self, pose=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), wheel_angle=0.0) -> None:
         """Place the robot on the floor, rolling, with relaxed effects.
@@ -110,6 +118,10 @@ class RollersPlant:
                 f"use smaller torques or a timestep below {self._timestep} s"
             )
         self._bodies.pose()  # follows the heading, so that its turns are counted
+
+    def motion(self) -> np.ndarray:
+        """(x, y, yaw, V_X, V_Y, Omega) of O, see ``pose`` and ``velocity``."""
+        return np.array([*self._bodies.pose(), *self._bodies.velocity()])
 
     @property
     def pose(self) -> np.ndarray:

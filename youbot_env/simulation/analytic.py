@@ -76,6 +76,10 @@ class AnalyticPlant:
         self._built: tuple = ()
         self.set_model(model)
 
+    def sampled(self, dt: float) -> AnalyticPlant:
+        """The same robot, at rest at the origin, with another sample time, s."""
+        return AnalyticPlant(self.model, dt)
+
     def set_model(self, model: Model) -> None:
         """Take another model's effects and values; the robot is at rest at the origin after it."""
         model.check()

@@ -1,0 +1,64 @@
+"""A motion that begins from rest: its own time starts to run slowly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from youbot_env.backend import Ops
+from youbot_env.references.base import Motion, Reference
+
+# How long records take to bring a motion up to speed, s.  0.3 m/s within it is at most 0.56 m/s^2,
+# a sixth of what the drives of the youBot can give, so that they start far from their limit.
+EASE_IN = 1.0
+
+
+@dataclass(frozen=True)
+class Eased(Reference):
+    """Another reference along its own path, at rest at time zero and at its own speed later.
+
+    The other reference is read at ``phase(t)`` instead of t.  Its derivative is the smooth step
+    ``10 s^3 - 15 s^4 + 6 s^5`` of ``s = t / seconds``, so velocity and acceleration start at zero
+    and change without a kink; afterwards the motion is ``seconds / 2`` late.  Before time zero it
+    rests.
+
+    Attributes:
+        of: the reference that is eased.
+        seconds: how long the start takes, s; 0 for none.
+    """
+
+    of: Reference = field(kw_only=True)
+    seconds: float = field(default=EASE_IN, kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 0 <= self.seconds < float("inf"):
+            raise ValueError(f"Eased: seconds = {self.seconds}; give 0 or more")
+
+    @property
+    def duration(self) -> float:
+        """How long the motion lasts, s."""
+        return self.of.duration + self.seconds / 2
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """See the base class."""
+        return self.of.draw(rng)
+
+    def evaluate(self, values, t, ops: Ops) -> Motion:
+        """See the base class; pace and its derivative come from the chain rule."""
+        if self.seconds == 0:
+            return self.of.evaluate(values, t, ops)
+        t = ops.maximum(t, 0.0)
+        s = ops.minimum(t / self.seconds, 1.0)
+        cube, left = s * s * s, 1.0 - s
+        phase = t + self.seconds * (cube * s * (2.5 - 3.0 * s + s * s) - s)
+        pace = cube * (10.0 - 15.0 * s + 6.0 * s * s)
+        change = 30.0 * s * s * left * left / self.seconds
+        motion = self.of.evaluate(values, phase, ops)
+        pairs = zip(motion.rate, motion.acceleration, strict=True)
+        return Motion(
+            motion.pose,
+            tuple(pace * rate for rate in motion.rate),
+            tuple(pace * pace * second + change * rate for rate, second in pairs),
+        )
