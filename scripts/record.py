@@ -15,6 +15,7 @@ import numpy as np
 import typer
 
 from youbot_env.channels import channel_columns
+from youbot_env.measurement import instruments
 from youbot_env.model import Model
 from youbot_env.model_file import load_model, model_to_dict, save_model
 from youbot_env.recording import record_motion, write_table
@@ -90,13 +91,18 @@ def record(
     given_effects.load_effects(effects)
     robot = load_model(model)
     robot = robot.with_effects(given_effects.parse_effects(effect), name=log.stem)
+    if any(active.identifier == "drive_hold" for active in robot.effects):
+        raise ValueError("--effect drive_hold: what a row's torque is says --hold")
+    # Effects of the link ``sensor`` belong to the record, the others to the robot.
+    kept = tuple(active for active in robot.effects if active.effect.link != "sensor")
+    spoil = instruments(robot.effects, robot.platform)
     sensors, loop = Sensors() if noise else None, WheelLoop()
-    driven = make_plant(plant, robot, 1 / rate, floor_friction)
+    driven = make_plant(plant, replace(robot, effects=kept), 1 / rate, floor_friction)
     reference = choose_motion(motion, robot, seconds, speed, frequency)
     with console.progress(f"{plant} plant, motion {motion}", seconds, "s") as show:
         columns = record_motion(
             driven, reference, seconds, loop, sensors, seed, show, loops,
-            "sampled" if loops is None else hold,
+            "sampled" if loops is None else hold, spoil,
         )  # fmt: skip
 
     options = {

@@ -14,7 +14,7 @@ intervals taken from it, which is what a simulation with held torques needs.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -155,6 +155,30 @@ class Dense:
         keep = np.exp(-self.step / time_constant)
         start = keep * values[:1]
         self.channels[name] = lfilter([1.0 - keep], [1.0, -keep], values, axis=0, zi=start)[0]
+
+
+def instruments(
+    effects: Iterable, platform: Platform
+) -> Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]] | None:
+    """What the sensor effects among active effects do to dense channels; None without any.
+
+    The channels are those that ``simulation.rows.pick_rows`` takes.  A sensor of the body velocity
+    is there where an effect speaks of it.
+    """
+    active = [one for one in effects if one.effect.link == "sensor"]
+    active.sort(key=lambda one: one.effect.order)
+    if not active:
+        return None
+
+    def through(channels: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        dense = Dense(platform, dict(channels))
+        if any(one.effect.channel == "body_velocity" for one in active):
+            dense.channels["body_velocity"] = channels["velocity"]
+        for one in active:
+            one.effect.record(one.effect.arrange(one.values, platform), dense)
+        return dense.channels
+
+    return through
 
 
 def slope(time: np.ndarray, values: np.ndarray, span: float) -> np.ndarray:

@@ -158,8 +158,8 @@ def record_motion(
     if not (math.isfinite(seconds) and round(seconds / plant.dt) >= 2):
         raise ValueError(f"seconds = {seconds}; a log lasts at least two samples of {plant.dt} s")
     sensors, platform, sample = sensors or IDEAL, plant.platform, plant.dt
-    motion, *noises = np.random.SeedSequence(seed).spawn(4)
-    speed_noise, torque_noise, pose_noise = map(np.random.default_rng, noises)
+    motion, *noises = np.random.SeedSequence(seed).spawn(5)
+    speed_noise, torque_noise, pose_noise, body_noise = map(np.random.default_rng, noises)
     at = LoopInstants.of(np.arange(round(seconds / sample)) * sample, loop_rate)
     per_row = int(at.row[1])
     if per_row > 1:
@@ -204,6 +204,8 @@ def record_motion(
     rows = pick_rows(dense, at.row, row, instrument)
     rows["wheel_torque"] = sensors.read_wheel_torque(rows["wheel_torque"], torque_noise)
     rows["pose"] = sensors.read_pose(rows["pose"], pose_noise)
+    if "body_velocity" in rows:
+        rows["body_velocity"] = sensors.read_body_velocity(rows["body_velocity"], body_noise)
     return _columns(platform, rows)
 
 

@@ -17,6 +17,7 @@ class Sensors:
         wheel_torque: noise of the torques, N m.
         wheel_torque_step: their resolution (one milliampere), N m.
         position, yaw: noise of motion capture, m and rad.
+        velocity, yaw_rate: noise of a sensor of the body velocity, m/s and rad/s.
     """
 
     wheel_velocity: float = 0.02
@@ -25,6 +26,8 @@ class Sensors:
     wheel_torque_step: float = 8.6557e-4
     position: float = 1e-3
     yaw: float = 2e-3
+    velocity: float = 5e-3
+    yaw_rate: float = 5e-3
 
     def read_wheel_velocity(self, value: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Wheel speeds as the driver reports them, rad/s."""
@@ -38,8 +41,13 @@ class Sensors:
         """Pose (..., 3) as motion capture reports it, m, m, rad."""
         return pose + rng.normal(size=np.shape(pose)) * (self.position, self.position, self.yaw)
 
+    def read_body_velocity(self, value: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Body velocity (..., 3) as a sensor of its own reports it, m/s, m/s, rad/s."""
+        noise = self.velocity, self.velocity, self.yaw_rate
+        return value + rng.normal(size=np.shape(value)) * noise
 
-IDEAL = Sensors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+IDEAL = Sensors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def _read(value, noise: float, step: float, rng: np.random.Generator) -> np.ndarray:
