@@ -14,12 +14,11 @@ import typer
 from scipy import stats
 
 from ident.benchmark.robots import draw_robots
-from ident.estimators import instrumental_variables, least_squares, reference_motion
-from ident.identification import with_estimate
+from ident.identification import identify
 from ident.log import Log
 from ident.physical import lump_weights
 from ident.recursive import RecursiveLeastSquares
-from ident.regression import build_regression
+from youbot_env.measurement import instruments
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 from youbot_env.references import calibration_sequence
@@ -169,44 +168,26 @@ def run_case(robots: int, seconds: float, case: Case, seed: int, show: Callable)
 def record(truth: Model, seconds: float, case: Case, seed: int) -> Log:
     """Record calibration motions I, III, II, IV with the sensors' noise."""
     count = round(seconds * case.rate)
-    late = case.jitter * np.random.default_rng(seed).uniform(-0.5, 0.5, count)
-    times = (np.arange(count) + late) / case.rate
-    held = case.hold == "held"
+    jitter = case.jitter * np.random.default_rng(seed).uniform(-0.5, 0.5, count)
+    times = (np.arange(count) + jitter) / case.rate
+    held, late = case.hold == "held", truth.with_effects({"drive_offset": case.offset})
     channels = record_closed_loop(
         truth, calibration_sequence(seconds=seconds), times, Sensors(), seed=seed,
         loop_rate=None if held else LOOP_RATE, row="sampled" if held else case.hold,
-        instrument=late_torques(case.offset) if case.offset else None,
+        instrument=instruments(late.effects, truth.platform) if case.offset else None,
     )  # fmt: skip
     return Log(truth.name, truth.platform, **channels)
 
 
-def late_torques(offset: float) -> Callable[[dict], dict]:
-    """An instrument whose torques at t are those of t - offset, s; 0 N m before the first."""
-
-    def shift(dense: dict) -> dict:
-        time, torque = dense["time"], dense["wheel_torque"]
-        # The small number keeps the rounding of the times from taking the command before.
-        given = np.searchsorted(time, time - offset + 1e-9, side="right") - 1
-        shown = np.where(given[:, None] < 0, 0.0, torque[np.maximum(given, 0)])
-        return dense | {"wheel_torque": shown}
-
-    return shift
-
-
 def estimates(log: Log, nominal: Model) -> dict:
     """(values, covariance, quantile) by method; the last with the intervals of white residuals."""
-    regression = build_regression(log, nominal)
-    instruments = build_regression(log, nominal, transform=reference_motion).H
-    plain = least_squares(regression)
-    robust = instrumental_variables(regression, instruments)
+    result = identify(log, nominal)
+    found = {e.method: (e.values, e.covariance, e.quantile) for e in result.estimates.values()}
+    plain, regression = result.estimates[METHODS[1]], result.regression
     H, _ = regression.rows
     residual = regression.residual(plain.values).ravel()
     white = np.linalg.inv(H.T @ H) * (residual @ residual) / (len(residual) - H.shape[1])
-    return {
-        robust.method: (robust.values, robust.covariance, robust.quantile),
-        plain.method: (plain.values, plain.covariance, plain.quantile),
-        METHODS[2]: (plain.values, white, float(stats.norm.ppf(0.975))),
-    }
+    return found | {METHODS[2]: (plain.values, white, float(stats.norm.ppf(0.975)))}
 
 
 def speed(seed: int) -> dict[str, float]:
@@ -216,9 +197,7 @@ def speed(seed: int) -> dict[str, float]:
     times = []
     for _ in range(3):
         start = time.perf_counter()
-        regression = build_regression(log, nominal)
-        instruments = build_regression(log, nominal, transform=reference_motion).H
-        with_estimate(nominal, instrumental_variables(regression, instruments), "identified")
+        regression = identify(log, nominal).regression
         times.append(time.perf_counter() - start)
     guess = np.array(nominal.values())
     dt, batch = np.full(len(regression.y), 1e-3), []
