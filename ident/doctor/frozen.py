@@ -12,7 +12,8 @@ import numpy as np
 from ident.doctor.record import Record, runs
 
 CHANNELS = ("wheel_velocity", "wheel_torque")
-FEWEST = 5  # rows with the same digits
+FEWEST = 5  # rows with the same digits in all channels of the wheels
+FEWEST_ALONE = 8  # in one channel: shorter ones may be how the log began, or a filter that fills
 LONGER = 3.0  # times the length of the longest ordinary repetitions (95 % are shorter)
 RARE = 0.05  # share of rows that repeat ordinarily in a channel that shows its noise
 NOISY = 0.3  # share of steps that go back: 2/3 for white noise, 0 for a smooth signal
@@ -31,7 +32,7 @@ def check_frozen(record: Record) -> None:
         same[channel] = np.zeros(values.shape, bool)
         same[channel][1:] = (values[1:] == values[:-1]) & ~record.breaks[1:, None]
         joined &= same[channel].all(axis=1)
-    cut = _frozen(record, joined, present, together=True)
+    cut = _frozen(record, joined, present, together=True, fewest=FEWEST)
     _tell(record, cut, "all wheel channels", record.name(present[0]))
     if len(present) > 1:
         for channel in present:
@@ -71,7 +72,12 @@ def _tell(record: Record, rows: np.ndarray, what: str, where: str) -> None:
 
 
 def _frozen(
-    record: Record, same: np.ndarray, channels: list[str], together: bool, column: int = 0
+    record: Record,
+    same: np.ndarray,
+    channels: list[str],
+    together: bool,
+    column: int = 0,
+    fewest: int = FEWEST_ALONE,
 ) -> np.ndarray:
     """(N,) rows of the repetitions that are no measurement.
 
@@ -81,6 +87,7 @@ def _frozen(
         channels: whose columns repeat.
         together: all columns of the channels; else ``column`` of the only one.
         column: the one that repeats.
+        fewest: rows that count.
     """
     frozen = np.zeros(len(same), bool)
     repeats = runs(same)
@@ -90,7 +97,7 @@ def _frozen(
     lengths = np.array([end - begin + 1 for begin, end in repeats])
     single = int(len(same) - same.sum()) - len(repeats)
     ordinary = np.percentile(np.concatenate([lengths, np.ones(max(single, 0))]), 95)
-    least = max(FEWEST, LONGER * ordinary)
+    least = max(fewest, LONGER * ordinary)
     long = [(b - 1, e) for (b, e), n in zip(repeats, lengths, strict=True) if n >= least]
     if not long:
         return frozen
