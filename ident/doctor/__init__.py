@@ -16,6 +16,7 @@ from ident.doctor.pieces import check_pieces
 from ident.doctor.positions import check_positions
 from ident.doctor.record import Record
 from ident.doctor.resolution import check_resolution
+from ident.doctor.scales import check_scales
 from ident.doctor.signs import check_signs
 from ident.doctor.spikes import check_spikes
 from ident.doctor.stuck import check_stuck
@@ -45,6 +46,7 @@ CHECKS = (
     check_effort,
     check_motion,
     check_agreement,
+    check_scales,
 )
 
 

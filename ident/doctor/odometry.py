@@ -18,6 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from youbot_env.platform import Platform
+
 SECONDS = 1.0  # between the ends of a window
 AVERAGED = 0.04  # s to either side, over which both ends are averaged: noise of the pose
 OVERLAP = 4  # windows that begin within one window
@@ -25,6 +27,10 @@ CLUSTERS, FEWEST_CLUSTERS = 40, 6  # standard errors from fewer say nothing
 ROUNDS = 3  # the shift multiplies the scales, and each axis is weighed by its residual
 MOVED = 0.02  # rms of an axis over that of the busiest (yaw at the radius of the wheels): at rest
 AFAR = 1e8  # of an information matrix with unit diagonal, condition beyond which nothing is said
+INFLATED = 1e3  # variance inflation beyond which a column is the others' and the sensors' noise
+# M_xx = M_yy and M_yx = -M_xy: what a motion along one oblique line shows.
+SIMILAR = np.zeros((9, 2))
+SIMILAR[[0, 3], 0], SIMILAR[1, 1], SIMILAR[2, 1] = 1.0, 1.0, -1.0
 SCALES = ("forward", "sideways", "yaw")
 
 
@@ -113,7 +119,8 @@ def velocity_against(
 
 def pose_against_wheels(log) -> Kinematic | None:
     """Pose of a log against its wheel speeds; ``log`` is a ``Log``."""
-    return pose_against(log.time, log.pose, wheel_twist(log), log.starts, log.platform.reach)
+    rolled = wheel_twist(log.wheel_velocity, log.platform)
+    return pose_against(log.time, log.pose, rolled, log.starts, log.platform.reach)
 
 
 def body_against(log, source: str = "wheels") -> Kinematic | None:
@@ -126,12 +133,13 @@ def body_against(log, source: str = "wheels") -> Kinematic | None:
     reach = log.platform.reach
     if source == "pose":
         return pose_against(log.time, log.pose, log.body_velocity, log.starts, reach)
-    return velocity_against(log.time, log.body_velocity, wheel_twist(log), log.starts, reach)
+    rolled = wheel_twist(log.wheel_velocity, log.platform)
+    return velocity_against(log.time, log.body_velocity, rolled, log.starts, reach)
 
 
-def wheel_twist(log) -> np.ndarray:
-    """(N, 3) body velocities by the wheel speeds of a log or record."""
-    return log.wheel_velocity @ np.linalg.pinv(log.platform.jacobian_array).T
+def wheel_twist(speeds: np.ndarray, platform: Platform) -> np.ndarray:
+    """(N, 3) body velocities by the wheel speeds (N, n), rad/s, of a platform."""
+    return speeds @ np.linalg.pinv(platform.jacobian_array).T
 
 
 def _compare(time, target, twist, heading, starts, reach) -> Kinematic | None:
@@ -156,6 +164,8 @@ def _compare(time, target, twist, heading, starts, reach) -> Kinematic | None:
                       reach * np.sqrt(np.mean(turned[:, 0] ** 2))])  # fmt: skip
     moves = sizes > MOVED * sizes.max()
     M, scale_yaw, weights = np.eye(2), 1.0, np.ones(3)
+    used = np.array([*np.repeat(moves[:2], 2), moves[2], moves[2], True, moves[2], True])
+    basis = np.eye(9)[:, used]
     for _ in range(ROUNDS):
         # Unknowns: M_xx, M_yx, M_xy, M_yy, l_x, l_y, shift, yaw scale, bias.
         A = np.zeros((len(rows), 3, 9))
@@ -163,12 +173,12 @@ def _compare(time, target, twist, heading, starts, reach) -> Kinematic | None:
         A[:, :2, 6] = -_turned_by(velocity, moved, M)
         A[:, 2, 6] = -scale_yaw * velocity[:, -1]
         A[:, 2, 7:] = turned
-        used = np.array([*np.repeat(moves[:2], 2), moves[2], moves[2], True, moves[2], True])
-        solved, covariance = _solve(A[:, :, used] / weights[None, :, None],
-                                    wanted / weights, cluster)  # fmt: skip
-        value, spread = np.full(9, np.nan), np.full((9, 9), np.inf)
-        value[used] = solved
-        spread[np.ix_(used, used)] = covariance
+        scaled = wanted / weights
+        solved, covariance = _solve(A @ basis / weights[None, :, None], scaled, cluster)
+        if moves[:2].all() and np.isnan(solved[:4]).any():  # one straight line: one scale, one angle
+            basis = np.column_stack([SIMILAR, np.eye(9)[:, 4:][:, used[4:]]])
+            solved, covariance = _solve(A @ basis / weights[None, :, None], scaled, cluster)
+        value, spread = _spread_out(basis, solved, covariance)
         found = np.where(np.isfinite(value), value, 0.0)
         left = wanted - A @ found
         weights = np.sqrt(np.mean(left**2, axis=0)) + 1e-9
@@ -254,9 +264,26 @@ def _solve(A: np.ndarray, wanted: np.ndarray, cluster: np.ndarray):
     covariance = inverse @ (sums.T @ sums) @ inverse * groups / max(1, groups - 1)
     # What the record cannot tell apart: no unit vector then comes back from the inverse.
     lost = np.abs(np.diag(inverse @ (flat.T @ flat)) - 1) > 1e-3
+    lost |= np.diag(inverse) * len(flat) > INFLATED
     covariance[lost, lost] = np.inf
     values = np.where(lost, np.nan, values / size)
     return values, covariance / np.outer(size, size)
+
+
+def _spread_out(basis: np.ndarray, solved: np.ndarray, covariance: np.ndarray):
+    """(9,) values and (9, 9) covariance of all unknowns; NaN and infinity where nothing is said.
+
+    Args:
+        basis: (9, p) unknowns that each solved number stands for.
+        solved: (p,), covariance: (p, p) what was solved for.
+    """
+    known = np.isfinite(solved)
+    value = basis[:, known] @ solved[known]
+    spread = basis[:, known] @ covariance[np.ix_(known, known)] @ basis[:, known].T
+    silent = ~np.any(basis[:, known] != 0, axis=1)
+    value[silent] = np.nan
+    spread[silent, silent] = np.inf
+    return value, spread
 
 
 def _kinematic(value: np.ndarray, spread: np.ndarray, M: np.ndarray, windows: int) -> Kinematic:
