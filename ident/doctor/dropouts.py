@@ -21,6 +21,7 @@ LONGEST = 1.0  # s: a longer stretch at one number is a sensor that stands still
 BRIDGED = 0.11  # s between the good rows on either side that may be interpolated
 FEWEST = 3  # jumps to a number and back that show that it is no measurement
 FAR = 3.0  # times the largest of ordinary steps (99 % are smaller) that both jumps exceed
+SHARED = 0.5  # of the failed reads of others, from which a column fails with them
 MOST_VALUES = 20  # numbers that stand in a column most often: only these are looked at
 
 
@@ -50,16 +51,24 @@ def _together(values: np.ndarray, pieces: np.ndarray, dt: float):
 
     What one column shows to be a failed read is one of the others too, where they show the same.
     """
-    found = [
-        (value, column, failed)
+    found = {
+        (value, column): failed
         for column in range(values.shape[1])
         for value, failed in _failed(values[:, column], pieces, dt)
-    ]
-    for value, column, failed in found:
-        others = [rows for v, k, rows in found if v == value and k != column]
-        if others:
-            failed |= np.any(others, axis=0) & (values[:, column] == value)
-    return found
+    }
+    for value in {value for value, _ in found}:
+        union = np.any([rows for (v, _), rows in found.items() if v == value], axis=0)
+        for column in range(values.shape[1]):
+            shared = union & (values[:, column] == value)
+            own = found.get((value, column), np.zeros(len(shared), bool))
+            if (value, column) in found or shared.mean() > SHARED * union.mean():
+                found[value, column] = own | shared
+    return [(value, column, failed) for (value, column), failed in _by_column(found)]
+
+
+def _by_column(found: dict) -> list:
+    """Items of ``{(value, column): rows}`` in the order of the columns."""
+    return sorted(found.items(), key=lambda item: (item[0][1], item[0][0]))
 
 
 def _failed(own: np.ndarray, pieces: np.ndarray, dt: float) -> list[tuple[float, np.ndarray]]:
