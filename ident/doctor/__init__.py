@@ -11,6 +11,7 @@ from ident.doctor.dropouts import check_dropouts
 from ident.doctor.effort import check_effort
 from ident.doctor.finding import Finding, LogError
 from ident.doctor.frozen import check_frozen
+from ident.doctor.heading import check_heading
 from ident.doctor.motion import check_length, check_motion, check_velocity
 from ident.doctor.pieces import check_pieces
 from ident.doctor.positions import check_positions
@@ -22,6 +23,7 @@ from ident.doctor.spikes import check_spikes
 from ident.doctor.stuck import check_stuck
 from ident.doctor.table import Table
 from ident.doctor.units import check_angle, check_units
+from ident.doctor.world import check_world
 from youbot_env.platform import Platform
 
 __all__ = ["Finding", "LogError", "Record", "examine"]
@@ -41,7 +43,9 @@ CHECKS = (
     check_spikes,
     check_positions,
     check_angle,
+    check_world,
     check_signs,
+    check_heading,
     check_units,
     check_effort,
     check_motion,

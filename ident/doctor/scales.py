@@ -1,4 +1,4 @@
-"""Whether pose, body velocity and command claim the motion that the wheels roll: size and heading.
+"""Whether pose, body velocity and command claim the motion that the wheels roll.
 
 Real rollers make sideways motion 5 to 7 % short and yaw 4 %, wheels differ by some per cent, slip
 adds to it: effects that have names of their own.  A factor common to all axes has another cause, as
@@ -10,14 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from ident.doctor.evidence import hear
-from ident.doctor.odometry import (
-    SCALES,
-    Estimate,
-    Kinematic,
-    pose_against,
-    velocity_against,
-    wheel_twist,
-)
+from ident.doctor.heading import against_wheels
+from ident.doctor.odometry import SCALES, Estimate, Kinematic
 from ident.doctor.record import Record
 from ident.doctor.smoothing import BODY_SOURCES, smooth
 
@@ -25,7 +19,6 @@ COMMON, EACH, SPREAD = 0.075, 0.06, 0.1  # of all axes: their mean, the least of
 ALONE = 0.15  # of one axis
 CLEAR = 3.0  # standard errors
 PRECISE = 0.03  # standard error beyond which a scale says nothing
-TURNED = 0.12  # rad: a heading further off the direction of travel is put right
 WHEEL = 0.075  # one wheel against the others; radii differ by up to 5 %, which has a name
 BLOCKS = 10  # parts of the log, each left out once for the standard error of a wheel
 SEEN, ROLLING = 0.1, 0.25  # of singular values of the wheel speeds: third by first, last by third
@@ -42,14 +35,12 @@ def check_scales(record: Record) -> None:
     if "wheel_velocity" not in record.channels or len(record.time) < 100:
         return
     _wheels(record)
-    found = {source: _compare(record, source) for source in BODY_SOURCES}
+    found = {source: against_wheels(record, source) for source in BODY_SOURCES}
     factors = {source: _common(k) for source, k in found.items() if k is not None}
     told = []
     for source, kinematic in found.items():
         if kinematic is None:
             continue
-        if source == "pose":
-            _heading(record, kinematic)
         if any("times as large" in f.what and f.what.startswith(source) for f in record.findings):
             continue
         if factors[source]:
@@ -59,17 +50,6 @@ def check_scales(record: Record) -> None:
             told.append(source)
         elif source != "reference":
             _tell_axes(record, source, kinematic)
-
-
-def _compare(record: Record, source: str) -> Kinematic | None:
-    """Scales and mount of one source against the wheels; None where it says nothing."""
-    values = record.get(source)
-    if values is None or not np.any(values):
-        return None
-    starts = (0, *(np.flatnonzero(record.breaks[1:]) + 1).tolist())
-    compare = pose_against if source == "pose" else velocity_against
-    rolled = wheel_twist(record.channels["wheel_velocity"], record.platform)
-    return compare(record.time, values, rolled, starts, record.platform.reach)
 
 
 def _clear(kinematic: Kinematic) -> dict[str, Estimate]:
@@ -129,23 +109,6 @@ def _tell_axes(record: Record, source: str, kinematic: Kinematic) -> None:
         f"{source} is not what the wheel speeds say: {_listed(off)} times as much",
         record.name(source, [SCALES.index(name) for name in off]),
         f"check: {cause}; used as it is",
-    )
-
-
-def _heading(record: Record, kinematic: Kinematic) -> None:
-    """Turn the heading of a pose into the direction of travel; it stays constant on a robot."""
-    angle = kinematic.angle
-    if not angle.known or abs(angle.value) < TURNED or not angle.differs(0.0, 2 * CLEAR):
-        return
-    planar = [e for name, e in _clear(kinematic).items() if name != "yaw"]
-    if len(planar) < 2 or abs(planar[0].value / planar[1].value - 1) > ALONE:
-        return  # slip may look like a turned frame
-    record.set("pose", record.channels["pose"] + np.array([0.0, 0.0, angle.value]))
-    record.fixed(
-        f"the heading of the pose is {np.rad2deg(-angle.value):.1f} +- "
-        f"{np.rad2deg(1.96 * angle.se):.1f} deg off the direction of travel by the wheels",
-        record.name("pose", [2]),
-        "the constant offset is taken out",
     )
 
 

@@ -12,8 +12,9 @@ ACTIVE = 0.1  # share of its rms by which the others move meanwhile
 MOST_STUCK = 0.2  # fraction of a log that may be cut out
 SATURATED = 0.01  # fraction of samples at the limit that is told
 HELD = 0.5  # fraction of repeated values that is told
+PILED = 3.0  # times as many at the limit as one coarse step inside: more than a crest of a motion
 JUMP = 0.005  # of the rms, between repeated values
-RELEASED = 2.5  # steps of a coarse record by which a sensor that stood still jumps when let go
+CHANGES = 1.0  # steps of a coarse record by which the others say that it should have changed, rms
 
 
 def check_stuck(record: Record) -> None:
@@ -53,9 +54,9 @@ def _column(record: Record, channel: str, column: int, rms: float) -> np.ndarray
     for begin, end in runs(same):
         if end - begin < shortest:
             continue
-        alone = np.std(values[begin - 1 : end, others], axis=0).max() > ACTIVE * rms + step
-        # Coarse steps repeat as long as the signal stays within one, and leave to the next one.
-        if step and (end == len(own) or abs(own[end] - own[begin]) < RELEASED * step):
+        alone = np.std(values[begin - 1 : end, others], axis=0).max() > ACTIVE * rms
+        # Coarse steps repeat as long as the signal stays within one of them.
+        if step and np.std(_expected(record, channel, column)[begin:end]) < CHANGES * step:
             continue
         # A command at its limit is no broken sensor; a speed that cannot rise is one.
         if alone and (channel == "wheel_velocity" or float(own[begin]) not in limits):
@@ -73,6 +74,19 @@ def _column(record: Record, channel: str, column: int, rms: float) -> np.ndarray
     return stuck
 
 
+def _expected(record: Record, channel: str, column: int) -> np.ndarray:
+    """(N,) the best linear guess of a column from all other wheel columns."""
+    others = [np.delete(record.channels[channel], column, axis=1), np.ones((len(record.time), 1))]
+    others += [
+        record.channels[c]
+        for c in ("wheel_velocity", "wheel_torque")
+        if c != channel and c in record.channels
+    ]
+    columns = np.hstack(others)
+    own = record.channels[channel][:, column]
+    return columns @ np.linalg.lstsq(columns, own, rcond=None)[0]
+
+
 def _limits(
     record: Record, channel: str, column: int, limits: set[float], step: float
 ) -> None:
@@ -81,7 +95,7 @@ def _limits(
     if step:  # the outermost of coarse steps holds fewer values than the next one inside
         inward = {min(limits): step, max(limits): -step}
         near = {x: np.mean(np.abs(own - x - d) < step / 2) for x, d in inward.items()}
-        limits = {x for x in limits if np.mean(own == x) > near[x]}
+        limits = {x for x in limits if np.mean(own == x) > PILED * near[x]}
     for limit in sorted(limits):
         there = own == limit
         if limit == 0 or there.mean() < SATURATED or max(e - b for b, e in runs(there)) < 3:

@@ -101,7 +101,8 @@ class Witnesses:
             self.silent[source] = share
             return
         self.sources.append(source)
-        self.turns[source] = [*TURNS[1:], *self._oblique(motion)]
+        oblique = self._oblique(motion)
+        self.turns[source] = [t for t in TURNS[1:] if not (oblique and t.rotates)] + oblique
         for kind, evidence in heard.items():
             if kind == "wheels" or evidence.share > DRIVES:
                 self._evidence[source, kind] = evidence
