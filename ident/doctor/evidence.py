@@ -14,6 +14,7 @@ import numpy as np
 HEARD = 0.01  # share of a signal that an axis alone must explain to be heard
 COLLINEAR = 4.0  # variance inflation beyond which axes move together
 MISSED = 0.03  # share that unheard axes may explain together, before nothing is said of any axis
+SAME = 0.3  # of a fingerprint, by which it may change when the unheard axes are fitted as well
 WEAK = 0.5  # of what the strongest axis contributes, below which an axis counts for less
 RIDGE = 1e-3  # keeps speed and acceleration apart where one follows the other
 
@@ -92,19 +93,27 @@ def hear(signal: np.ndarray, motion: np.ndarray, rates: np.ndarray | None = None
     full = fit(range(3))[1]
     without = [fit([k for k in range(3) if k != axis])[1] for axis in range(3)]
     axes = np.array([np.max(full - less) > HEARD for less in without])
-    # An axis that adds nothing because others move with it would be counted as theirs.
-    alone = fit(np.flatnonzero(axes).tolist())[1] if axes.any() else np.zeros_like(full)
-    told = axes.any() and np.median(full - alone) < MISSED
-    rows = weights = None
-    if told and _inflation(covariance[:3, :3])[axes].max() < COLLINEAR:
-        chosen = np.flatnonzero(axes).tolist()
-        coefficients, scale = fit(chosen)[0], np.sqrt(np.diag(covariance)[chosen])
+    chosen, rows, weights = np.flatnonzero(axes).tolist(), None, None
+
+    def fingerprint(fitted: list[int]) -> np.ndarray:
+        """Rows of the chosen axes, others being fitted with them."""
+        places, count = [fitted.index(axis) for axis in chosen], len(fitted)
+        coefficients = fit(fitted)[0]
         if rates is None:
-            rows = (coefficients / scale[:, None]).T
+            return (coefficients[places] / np.sqrt(np.diag(covariance)[chosen])[:, None]).T
+        return (coefficients[places] + coefficients[[k + count for k in places]]).T
+
+    if chosen and _inflation(covariance[:3, :3])[axes].max() < COLLINEAR:
+        rows, alone = fingerprint(chosen), fit(chosen)[1]
+        typical = np.median(np.abs(rows), axis=0) + 1e-300
+        # An axis that adds nothing because others move with it would be counted as theirs.
+        whole = fingerprint([0, 1, 2])
+        differ = np.linalg.norm((rows - whole) / typical) > SAME * np.linalg.norm(rows / typical)
+        if differ or np.median(full - alone) > MISSED:
+            rows = None
         else:
-            rows = (coefficients[: len(chosen)] + coefficients[len(chosen) :]).T
-        contributed = np.median(np.abs(rows), axis=0) * (scale if rates is None else 1.0)
-        weights = np.minimum(1.0, contributed / (WEAK * contributed.max() + 1e-300))
+            size = np.sqrt(np.diag(covariance)[chosen]) if rates is None else 1.0
+            weights = np.minimum(1.0, typical * size / (WEAK * (typical * size).max()))
     # A wheel at rest is all noise, one in another unit all variance: the kinder of two averages.
     spread = np.diag(covariance)[width:]
     share = max(np.median(full), full @ spread / (spread.sum() + 1e-300))

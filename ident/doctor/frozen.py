@@ -17,6 +17,7 @@ FEWEST_ALONE = 8  # in one channel: shorter ones may be how the log began, or a 
 LONGER = 3.0  # times the length of the longest ordinary repetitions (95 % are shorter)
 RARE = 0.05  # share of rows that repeat ordinarily in a channel that shows its noise
 NOISY = 0.3  # share of steps that go back: 2/3 for white noise, 0 for a smooth signal
+TRAVELLED = 0.05  # m or rad, by which the pose moves while wheels stand: no noise, no creeping
 JUMP = 5.0  # times the largest of ordinary steps (99 % are smaller)
 MOST = 0.5  # of a log that may be cut out
 
@@ -115,8 +116,9 @@ def _frozen(
         shown = [values[begin] for values in columns]
         if not together and (shown[0] == 0 or shown[0] in (columns[0].min(), columns[0].max())):
             continue  # a dead zone or a limit, which are looked at elsewhere
-        jumps = any(_jumps(values, inside, end) for values in speeds) if together else False
-        if jumps or (noisy and any(shown)):
+        jumps = together and any(_jumps(values, inside, end) for values in speeds)
+        # Zeros all over are a robot that stands, unless its pose goes on.
+        if (any(shown) and (jumps or noisy)) or (together and speeds and _travels(record, begin, end)):
             frozen[begin:end] = True
     return frozen
 
@@ -137,3 +139,11 @@ def _jumps(values: np.ndarray, inside: np.ndarray, end: int) -> bool:
     ordinary = step[~(inside[1:] | inside[:-1])]
     ordinary = ordinary[ordinary > 0]
     return len(ordinary) > 20 and step[end - 1] > JUMP * np.percentile(ordinary, 99)
+
+
+def _travels(record: Record, begin: int, end: int) -> bool:
+    """Whether the pose moves on while all wheels show zero."""
+    pose = record.get("pose")
+    if pose is None or np.any(record.channels["wheel_velocity"][begin]):
+        return False
+    return bool(np.abs(pose[end - 1] - pose[begin]).max() > TRAVELLED)

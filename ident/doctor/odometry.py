@@ -77,9 +77,9 @@ class Kinematic(NamedTuple):
 
     @property
     def scales(self) -> dict[str, Estimate]:
-        """Scales of the axes that the record shows."""
+        """Scales of the axes that the record shows, to a tenth or better."""
         every = {name: getattr(self, name) for name in SCALES}
-        return {name: estimate for name, estimate in every.items() if estimate.known}
+        return {n: e for n, e in every.items() if e.known and e.se < 0.1 * abs(e.value)}
 
 
 def pose_against(
@@ -88,6 +88,7 @@ def pose_against(
     twist: np.ndarray,
     starts: tuple[int, ...] = (0,),
     reach: float = 0.4,
+    biased: bool = False,
 ) -> Kinematic | None:
     """Compare a pose with the motion that body velocities claim.
 
@@ -97,11 +98,12 @@ def pose_against(
         twist: (N, 3) body velocities of the source, m/s, m/s, rad/s.
         starts: rows at which a contiguous piece begins.
         reach: m, that makes yaw comparable with the other axes: radius of the wheels' circle.
+        biased: the yaw rate comes from a gyro, whose bias is asked for.
 
     Returns:
         None where the record is too short.
     """
-    return _compare(time, pose, twist, pose[:, 2], starts, reach)
+    return _compare(time, pose, twist, pose[:, 2], starts, reach, biased)
 
 
 def velocity_against(
@@ -114,7 +116,7 @@ def velocity_against(
     """Compare body velocities (or a command), (N, 3), with those that another source claims."""
     step = np.diff(time, prepend=time[0])
     target = np.cumsum(_middle(measured) * step[:, None], axis=0)
-    return _compare(time, target, twist, None, starts, reach)
+    return _compare(time, target, twist, None, starts, reach, True)
 
 
 def pose_against_wheels(log) -> Kinematic | None:
@@ -132,7 +134,7 @@ def body_against(log, source: str = "wheels") -> Kinematic | None:
     """
     reach = log.platform.reach
     if source == "pose":
-        return pose_against(log.time, log.pose, log.body_velocity, log.starts, reach)
+        return pose_against(log.time, log.pose, log.body_velocity, log.starts, reach, biased=True)
     rolled = wheel_twist(log.wheel_velocity, log.platform)
     return velocity_against(log.time, log.body_velocity, rolled, log.starts, reach)
 
@@ -142,7 +144,7 @@ def wheel_twist(speeds: np.ndarray, platform: Platform) -> np.ndarray:
     return speeds @ np.linalg.pinv(platform.jacobian_array).T
 
 
-def _compare(time, target, twist, heading, starts, reach) -> Kinematic | None:
+def _compare(time, target, twist, heading, starts, reach, biased) -> Kinematic | None:
     """Regress the target's motion on the source's; ``heading`` (N,) turns it, None does not."""
     places, yaws, first = _columns(time, twist, heading)
     rows, length, half = _windows(time, starts)
@@ -158,14 +160,11 @@ def _compare(time, target, twist, heading, starts, reach) -> Kinematic | None:
 
     wanted, moved, turned = change(target), change(places), change(yaws)
     velocity = change(np.column_stack([first, _middle(twist)[:, 2]]))  # as M = 1 sees it
-    size = np.sqrt(np.mean(np.stack([moved[:, 0, 0], moved[:, 0, 1], moved[:, 1, 0],
-                                     moved[:, 1, 1]]) ** 2, axis=1))  # fmt: skip
-    sizes = np.array([np.hypot(size[0], size[1]), np.hypot(size[2], size[3]),
-                      reach * np.sqrt(np.mean(turned[:, 0] ** 2))])  # fmt: skip
+    size = np.sqrt(np.mean(np.sum(moved**2, axis=2), axis=0))
+    sizes = np.array([size[0], size[2], reach * np.sqrt(np.mean(turned[:, 0] ** 2))])
     moves = sizes > MOVED * sizes.max()
     M, scale_yaw, weights = np.eye(2), 1.0, np.ones(3)
-    used = np.array([*np.repeat(moves[:2], 2), moves[2], moves[2], True, moves[2], True])
-    basis = np.eye(9)[:, used]
+    bases = _bases(moves, biased)
     for _ in range(ROUNDS):
         # Unknowns: M_xx, M_yx, M_xy, M_yy, l_x, l_y, shift, yaw scale, bias.
         A = np.zeros((len(rows), 3, 9))
@@ -174,10 +173,10 @@ def _compare(time, target, twist, heading, starts, reach) -> Kinematic | None:
         A[:, 2, 6] = -scale_yaw * velocity[:, -1]
         A[:, 2, 7:] = turned
         scaled = wanted / weights
-        solved, covariance = _solve(A @ basis / weights[None, :, None], scaled, cluster)
-        if moves[:2].all() and np.isnan(solved[:4]).any():  # one straight line: one scale, one angle
-            basis = np.column_stack([SIMILAR, np.eye(9)[:, 4:][:, used[4:]]])
+        for basis in bases:  # fewer unknowns, until the record tells those of the plane apart
             solved, covariance = _solve(A @ basis / weights[None, :, None], scaled, cluster)
+            if not np.isnan(solved[np.any(basis[:4] != 0, axis=0)]).any():
+                break
         value, spread = _spread_out(basis, solved, covariance)
         found = np.where(np.isfinite(value), value, 0.0)
         left = wanted - A @ found
@@ -186,6 +185,22 @@ def _compare(time, target, twist, heading, starts, reach) -> Kinematic | None:
         M = np.where(np.isfinite(value[:4]), value[:4], [1.0, 0, 0, 1.0]).reshape(2, 2).T
         scale_yaw = value[7] if np.isfinite(value[7]) else 1.0
     return _kinematic(value, spread, M, len(rows))
+
+
+def _bases(moves: np.ndarray, biased: bool) -> list[np.ndarray]:
+    """(9, p) unknowns to solve for: all, without a lever, with one scale for the whole plane.
+
+    Args:
+        moves: (3,) axes that move at all.
+        biased: whether a constant yaw rate is asked for.
+    """
+    x, y, turns = moves
+    used = np.array([x, x, y, y, turns, turns, True, turns, biased])
+    no_lever = used & ~np.isin(np.arange(9), (4, 5))
+    bases = [np.eye(9)[:, used], np.eye(9)[:, no_lever]]
+    if x and y:
+        bases.append(np.column_stack([SIMILAR, np.eye(9)[:, 4:][:, no_lever[4:]]]))
+    return bases
 
 
 def _columns(time, twist, heading):
@@ -293,6 +308,8 @@ def _kinematic(value: np.ndarray, spread: np.ndarray, M: np.ndarray, windows: in
     def norm(k: int) -> Estimate:
         """Length of a column of M."""
         column, part = value[k : k + 2], spread[k : k + 2, k : k + 2]
+        if not np.isfinite(column).all():
+            return Estimate(np.nan, np.inf)
         length = float(np.hypot(*column))
         along = column / (length + 1e-300)
         return Estimate(length, float(np.sqrt(along @ part @ along)))

@@ -82,7 +82,7 @@ def _tell_common(
     if agree:
         others = f"; so says {' and '.join(agree)}: look at the wheel speeds first"
     elif against:
-        others = f"; not so {' and '.join(against)}: look at {source} and at time first"
+        others = f"; by {' and '.join(against)} it is not: look at {source} and at time first"
     else:
         others = ""
     lengths = "time stamps scaled, " if source == "pose" else ""
@@ -114,14 +114,17 @@ def _tell_axes(record: Record, source: str, kinematic: Kinematic) -> None:
 
 def _wheels(record: Record) -> None:
     """Tell a wheel whose speed is out of proportion to the others."""
-    scales = _by_rolling(record)
+    scales, most = _by_rolling(record), 2
     words = "the wheels roll together"
     if scales is None:
-        scales, words = _by_motion(record)
+        (scales, words), most = _by_motion(record), 1
     if scales is None:
         return
     value, se = scales
-    for wheel in np.flatnonzero((np.abs(value - 1) > WHEEL) & (np.abs(value - 1) > CLEAR * se)):
+    off = np.flatnonzero((np.abs(value - 1) > WHEEL) & (np.abs(value - 1) > CLEAR * se))
+    if len(off) > most:
+        return  # what all wheels share is no fault of a wheel: slip, or scales of the axes
+    for wheel in off:
         where = record.name("wheel_velocity", [int(wheel)])
         if any(f.where == where and "this wheel turns" in f.what for f in record.findings):
             continue
@@ -168,9 +171,9 @@ def _by_motion(record: Record):
         if source not in signals or not np.any(signals[source]):
             continue
         evidence = hear(signals["wheel_velocity"], signals[source])
-        if evidence.share < FOLLOWS:
-            continue
+        if evidence.share < FOLLOWS or evidence.rows is None:
+            continue  # where axes move together, their scales pass for those of wheels
         gains = np.ma.masked_invalid(evidence.gains(record.platform.jacobian_array))
-        value = np.ma.median(gains, axis=1).filled(np.nan)
+        value = np.ma.median(gains / np.ma.median(gains, axis=0), axis=1).filled(np.nan)
         return (value / np.nanmedian(value), np.full(len(value), WHEEL / 10)), f"{source} is right"
     return None, ""

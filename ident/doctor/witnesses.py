@@ -141,6 +141,8 @@ class Witnesses:
         before a rearrangement of good columns: where wheel speeds and drive input agree with each
         other they outvote it, and a command is outvoted by wheel speeds alone.
         """
+        if self._undisputed():
+            return [Fault(self.all[0], self.all[0])]
         found = self._with_sources() if self.sources else self._without_sources()
         least = min((fault.size[0] for fault in found), default=0)
         found = [fault for fault in found if fault.size[0] == least]
@@ -153,6 +155,16 @@ class Witnesses:
             columns = min((fault.size[1] for fault in group), default=0)
             simplest += [fault for fault in group if fault.size[1] == columns]
         return simplest
+
+    def _undisputed(self) -> bool:
+        """Whether all sources agree with the wheel speeds, and these with the drive input.
+
+        What a command says about the drive input itself is hearsay then: the wheels know better.
+        """
+        if self.wheels is None or not self.sources:
+            return False
+        right = all(self.all[0] in self._fitting("wheels", s, RIGHT) for s in self.sources)
+        return right and self.wheels_agree()
 
     def wheels_agree(self) -> bool:
         """Whether wheel speeds and drive input, as they stand, agree with each other."""
