@@ -116,11 +116,11 @@ def test_standard_errors_cover(robot):
 
 def test_unseen_axes_are_not_known():
     frame = simulate(ORDINARY["straight"], 20.0)
-    channels = {name: frame.select(c).to_numpy() for name, c in (("wheel_velocity", V), ("pose", P))}
-    log = SimpleNamespace(
-        time=frame["time"].to_numpy(), starts=(0,), platform=youbot(), **channels
+    time, pose = frame["time"].to_numpy(), frame.select(P).to_numpy()
+    speeds = frame.select(V).to_numpy()
+    found = pose_against_wheels(
+        SimpleNamespace(time=time, starts=(0,), platform=youbot(), wheel_velocity=speeds, pose=pose)
     )
-    found = pose_against_wheels(log)
     assert set(found.scales) == {"forward"}
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from shared_data import shared
-from spoiled_logs import R, M, P, V, apply, both, everywhere, good_frame, put, simulate
+from spoiled_logs import M, P, R, V, apply, both, everywhere, good_frame, put, simulate
 from test_doctor import difference, load, warnings
 
 from ident.log import Log
@@ -68,7 +68,7 @@ def test_failed_reads_are_mended(tmp_path, name):
 
 
 def test_too_many_failed_reads_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="30.0%. are exactly 0"):
+    with pytest.raises(ValueError, match=r"30\.0%. are exactly 0"):
         load(tmp_path, failing(M[:1], 0.3)(good_frame()))
 
 

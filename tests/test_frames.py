@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 from shared_data import shared
-from spoiled_logs import R, M, P, V, both, exchange, good_frame, negate
+from spoiled_logs import M, P, R, V, both, exchange, good_frame, negate
 from test_doctor import difference, load
 
 from ident.log import Log

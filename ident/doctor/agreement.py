@@ -12,7 +12,9 @@ SLIP = 0.15  # rms of what contradicts rolling, over the rms of wheel speeds
 OFFSET = 0.05  # mean of it
 LAGS = (0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)  # s, by which clocks are compared
 CLEARER, CLEAR = 0.02, 0.9  # share explained that another lag must gain, and reach
-LEFT = 0.2  # or: of what is left unexplained now, what another lag leaves at most
+# Or, where speed and acceleration explain nearly all of it at any lag: the least share it must gain,
+# and what it may leave of what is unexplained now.
+GAINED, LEFT = 0.01, 0.12
 
 
 def check_agreement(record: Record) -> None:
@@ -86,7 +88,7 @@ def _lag(values: np.ndarray, others: np.ndarray, step: float) -> tuple[float, fl
 
 def _tell(record: Record, lag: tuple[float, float, float], where: str) -> bool:
     late, now, then = lag
-    better = then > now + CLEARER or 1 - then < LEFT * (1 - now)
+    better = then > now + (GAINED if 1 - then < LEFT * (1 - now) else CLEARER)
     if abs(late) < LAGS[0] / 2 or then < CLEAR or not better:
         return False
     record.warn(

@@ -118,7 +118,8 @@ def _frozen(
             continue  # a dead zone or a limit, which are looked at elsewhere
         jumps = together and any(_jumps(values, inside, end) for values in speeds)
         # Zeros all over are a robot that stands, unless its pose goes on.
-        if (any(shown) and (jumps or noisy)) or (together and speeds and _travels(record, begin, end)):
+        travels = bool(together and speeds) and _travels(record, begin, end)
+        if travels or (any(shown) and (jumps or noisy)):
             frozen[begin:end] = True
     return frozen
 

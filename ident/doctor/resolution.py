@@ -7,6 +7,7 @@ import numpy as np
 from ident.doctor.record import Record
 
 OFTEN, MOSTLY = 5, 0.9  # times a value occurs, and share of rows that such values hold
+FEWEST = 5  # such values: fewer are a switch
 # Rounding to steps of d adds an error of d / sqrt(12) rms.  On a minute of smooth motion steps of
 # 3 % of the rms change nothing; from 20 % on, intervals of the lumps widen by 40 % and more.
 COARSE = 0.05
@@ -21,7 +22,7 @@ def resolution(own: np.ndarray) -> float:
     """
     numbers, counts = np.unique(own, return_counts=True)
     often = counts >= OFTEN
-    if often.sum() < 2 or counts[often].sum() < MOSTLY * len(own):
+    if often.sum() < FEWEST or counts[often].sum() < MOSTLY * len(own):
         return 0.0
     return float(np.median(np.diff(numbers[often])))
 

@@ -25,7 +25,7 @@ SEEN, ROLLING = 0.1, 0.25  # of singular values of the wheel speeds: third by fi
 FOLLOWS = 0.97  # share of the wheel speeds that a source explains, to judge a single wheel by it
 CAUSES = {
     ("sideways",): "slip or rollers make sideways motion short; else the unit of that column",
-    ("yaw",): "the distance of the wheels from the centre (lever l + h) in the wheel table, or slip",
+    ("yaw",): "the lever l + h of the wheel table (wheels to centre), or slip",
     ("forward", "sideways"): "the unit of length, or wheel radius and lever together",
 }
 
@@ -60,7 +60,7 @@ def _clear(kinematic: Kinematic) -> dict[str, Estimate]:
 def _common(kinematic: Kinematic) -> float:
     """The factor common to all axes that move; 0 where there is none."""
     clear = _clear(kinematic)
-    if not clear or "sideways" in clear and len(clear) == 1:
+    if not set(clear) - {"sideways"}:
         return 0.0
     values = np.array([e.value for e in clear.values()])
     mean = float(values.mean())

@@ -87,9 +87,7 @@ def _expected(record: Record, channel: str, column: int) -> np.ndarray:
     return columns @ np.linalg.lstsq(columns, own, rcond=None)[0]
 
 
-def _limits(
-    record: Record, channel: str, column: int, limits: set[float], step: float
-) -> None:
+def _limits(record: Record, channel: str, column: int, limits: set[float], step: float) -> None:
     """Tell when a signal spends its time exactly at its largest or smallest value."""
     own = record.channels[channel][:, column]
     if step:  # the outermost of coarse steps holds fewer values than the next one inside

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.doctor.arrangement import Arrangement, arrangements, fitting
+from ident.doctor.arrangement import Arrangement, arrangements, fitting, likeness
 from ident.doctor.evidence import Evidence, explained, hear
 from ident.doctor.record import Record
 from ident.doctor.smoothing import BODY_SOURCES, Smooth
@@ -173,9 +173,28 @@ class Witnesses:
                 self.wheels is not None
                 and self.force is not None
                 and self._drive_speaks()
-                and any(fault.size == (0, 0) for fault in self._without_sources())
+                and self.all[0] in self._redundant()
+                and self._drive_follows()
             )
         return self._agree
+
+    def _drive_follows(self) -> bool:
+        """Whether the drive input, as it stands, moves the wheels as they move.
+
+        Wheel loops may press the wheels against each other, which moves nothing.  What is left
+        without that must follow the wheels, and better than any other arrangement does with it.
+        """
+        inverse = np.linalg.pinv(self.J).T
+        motion, rates = self.wheels @ inverse, self.wheel_rates @ inverse
+        heard = hear(self.force, motion, rates)
+        table = heard.table(self.J, True)
+        if table is None or self.all[0] in self._alike([table]):
+            return True
+        rolling = hear(self.force @ self.J @ inverse.T, motion, rates)
+        if rolling.rows is None or np.any(heard.axes & ~rolling.axes):
+            return False
+        best = max(likeness(arrangement, table) for arrangement in self.all)
+        return likeness(self.all[0], rolling.table(self.J, True)) > max(ALIKE, best)
 
     def _drive_speaks(self) -> bool:
         """Whether the wheel speeds explain enough of the drive input."""
