@@ -12,7 +12,7 @@ SLIP = 0.15  # rms of what contradicts rolling, over the rms of wheel speeds
 OFFSET = 0.05  # mean of it
 LAGS = (0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)  # s, by which clocks are compared
 CLEARER, CLEAR = 0.02, 0.9  # share explained that another lag must gain, and reach
-# Or, where speed and acceleration explain nearly all of it at any lag: the least share it must gain,
+# Or, where speed and acceleration explain nearly all at any lag: the least share it must gain,
 # and what it may leave of what is unexplained now.
 GAINED, LEFT = 0.01, 0.12
 
