@@ -249,7 +249,9 @@ MUTATIONS: dict[str, tuple[Callable, str, str]] = {
     "small spikes": (put(V[0], SPIKES, lambda v: v + 6.0), "fixed", "spikes"),
     "long glitch": (put(V[3], slice(900, 906), 1e4), "fixed", "6 spikes, the largest 10000"),
     "a torque spike": (put(M[1], [777], -80.0), "fixed", "line 779, column wheel_torque_fr: 1 spi"),
-    "many spikes": (put(V[0], slice(0, None, 20), 90.0), "refused", "5% of the samples"),
+    "many spikes": (
+        put(V[0], slice(0, None, 20), lambda v: 90.0 + 3 * v), "refused", "5% of the samples"
+    ),
     "speed stuck": (put(V[2], slice(1500, 1800), 2.0), "fixed", "stands at 2 for 2.99 s"),
     "speed dead": (put(V[2], slice(None), 0.0), "refused", "always 0 while the others change"),
     "speed stuck for long": (put(V[2], slice(1000, 3000), 2.0), "refused", "50% of the log"),

@@ -7,17 +7,23 @@ from ident.doctor.cells import check_cells
 from ident.doctor.clock import check_clock
 from ident.doctor.columns import examine_columns
 from ident.doctor.drive import check_drive
+from ident.doctor.dropouts import check_dropouts
 from ident.doctor.effort import check_effort
 from ident.doctor.finding import Finding, LogError
+from ident.doctor.frozen import check_frozen
+from ident.doctor.heading import check_heading
 from ident.doctor.motion import check_length, check_motion, check_velocity
 from ident.doctor.pieces import check_pieces
 from ident.doctor.positions import check_positions
 from ident.doctor.record import Record
+from ident.doctor.resolution import check_resolution
+from ident.doctor.scales import check_scales
 from ident.doctor.signs import check_signs
 from ident.doctor.spikes import check_spikes
 from ident.doctor.stuck import check_stuck
 from ident.doctor.table import Table
 from ident.doctor.units import check_angle, check_units
+from ident.doctor.world import check_world
 from youbot_env.platform import Platform
 
 __all__ = ["Finding", "LogError", "Record", "examine"]
@@ -29,16 +35,22 @@ CHECKS = (
     check_cells,
     check_drive,
     check_length,
+    check_dropouts,
+    check_resolution,
     check_stuck,
+    check_frozen,
     check_pieces,
     check_spikes,
     check_positions,
     check_angle,
+    check_world,
     check_signs,
+    check_heading,
     check_units,
     check_effort,
     check_motion,
     check_agreement,
+    check_scales,
 )
 
 

@@ -12,6 +12,9 @@ SLIP = 0.15  # rms of what contradicts rolling, over the rms of wheel speeds
 OFFSET = 0.05  # mean of it
 LAGS = (0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)  # s, by which clocks are compared
 CLEARER, CLEAR = 0.02, 0.9  # share explained that another lag must gain, and reach
+# Or, where speed and acceleration explain nearly all at any lag: the least share it must gain,
+# and what it may leave of what is unexplained now.
+GAINED, LEFT = 0.01, 0.12
 
 
 def check_agreement(record: Record) -> None:
@@ -85,7 +88,8 @@ def _lag(values: np.ndarray, others: np.ndarray, step: float) -> tuple[float, fl
 
 def _tell(record: Record, lag: tuple[float, float, float], where: str) -> bool:
     late, now, then = lag
-    if abs(late) < LAGS[0] / 2 or then < max(now + CLEARER, CLEAR):
+    better = then > now + (GAINED if 1 - then < LEFT * (1 - now) else CLEARER)
+    if abs(late) < LAGS[0] / 2 or then < CLEAR or not better:
         return False
     record.warn(
         f"{'late' if late > 0 else 'early'} by about {abs(late):.2g} s: the other channels then "

@@ -81,3 +81,14 @@ def fitting(candidates: list[Arrangement], cosines: np.ndarray, least: float) ->
     signs = np.array([candidate.signs for candidate in candidates])
     found = signs * cosines[np.arange(orders.shape[1]), orders]
     return ~np.any(found <= least, axis=1)
+
+
+def likeness(arrangement: Arrangement, cosines: np.ndarray) -> float:
+    """The least resemblance of a column to its wheel; NaN says nothing.
+
+    Args:
+        arrangement: of n wheels.
+        cosines: (n, n) between column i and wheel k.
+    """
+    found = np.array(arrangement.signs) * cosines[np.arange(len(cosines)), list(arrangement.order)]
+    return float(np.min(found, where=np.isfinite(found), initial=1.0))

@@ -59,6 +59,9 @@ def _impossible(record: Record, found: float, unit: str, low: float, high: float
 
 def _drives(record: Record, torque: np.ndarray, wheels: np.ndarray) -> bool:
     """Refuse torques that brake all the time; tell whether they drive."""
+    # Wheel loops may press the wheels against each other, which moves and brakes nothing.
+    inner = np.linalg.svd(record.platform.jacobian_array)[0][:, 3:]
+    torque = torque - np.mean(torque, axis=0) @ inner @ inner.T
     power = np.mean(torque * wheels, axis=0)
     strength, speed = (np.sqrt(np.mean(values**2, axis=0)) for values in (torque, wheels))
     busy = (strength > BUSY * strength.max()) & (speed > BUSY * speed.max())

@@ -13,6 +13,9 @@ import numpy as np
 
 HEARD = 0.01  # share of a signal that an axis alone must explain to be heard
 COLLINEAR = 4.0  # variance inflation beyond which axes move together
+MISSED = 0.03  # share that unheard axes may explain together, before nothing is said of any axis
+SAME = 0.3  # of a fingerprint, by which it may change when the unheard axes are fitted as well
+WEAK = 0.5  # of what the strongest axis contributes, below which an axis counts for less
 RIDGE = 1e-3  # keeps speed and acceleration apart where one follows the other
 
 
@@ -26,6 +29,8 @@ class Evidence:
         share: of the variance of the signal, what the motion explains.
         axes: (3,) axes heard one by one; none where they move together.
         rows: (n, axes) fingerprint; None where axes move together.
+        weights: (axes,) 1 for an axis that contributes about as much as the strongest, less for one
+            that hardly moves: what it shows is mostly errors of the others.
     """
 
     signal: np.ndarray
@@ -33,6 +38,7 @@ class Evidence:
     share: float
     axes: np.ndarray
     rows: np.ndarray | None
+    weights: np.ndarray | None = None
 
     def table(self, jacobian: np.ndarray, driven: bool) -> np.ndarray | None:
         """(n, n) cosines between column i of the signal and wheel k; NaN where nothing is said.
@@ -42,7 +48,7 @@ class Evidence:
             driven: the signal is a torque or voltage, known up to a positive factor an axis.
         """
         if self.rows is not None:
-            return _cosines(self.rows, jacobian[:, self.axes])
+            return _cosines(self.rows, jacobian[:, self.axes], self.weights)
         if driven:  # how far each axis is braked is unknown, so is what the wheel should do
             return None
         expected = self.motion @ jacobian.T
@@ -87,18 +93,31 @@ def hear(signal: np.ndarray, motion: np.ndarray, rates: np.ndarray | None = None
     full = fit(range(3))[1]
     without = [fit([k for k in range(3) if k != axis])[1] for axis in range(3)]
     axes = np.array([np.max(full - less) > HEARD for less in without])
-    rows = None
-    if axes.any() and _inflation(covariance[:3, :3])[axes].max() < COLLINEAR:
-        chosen = np.flatnonzero(axes).tolist()
-        coefficients, scale = fit(chosen)[0], np.sqrt(np.diag(covariance)[chosen])
+    chosen, rows, weights = np.flatnonzero(axes).tolist(), None, None
+
+    def fingerprint(fitted: list[int]) -> np.ndarray:
+        """Rows of the chosen axes, others being fitted with them."""
+        places, count = [fitted.index(axis) for axis in chosen], len(fitted)
+        coefficients = fit(fitted)[0]
         if rates is None:
-            rows = (coefficients / scale[:, None]).T
+            return (coefficients[places] / np.sqrt(np.diag(covariance)[chosen])[:, None]).T
+        return (coefficients[places] + coefficients[[k + count for k in places]]).T
+
+    if chosen and _inflation(covariance[:3, :3])[axes].max() < COLLINEAR:
+        rows, alone = fingerprint(chosen), fit(chosen)[1]
+        typical = np.median(np.abs(rows), axis=0) + 1e-300
+        # An axis that adds nothing because others move with it would be counted as theirs.
+        whole = fingerprint([0, 1, 2])
+        differ = np.linalg.norm((rows - whole) / typical) > SAME * np.linalg.norm(rows / typical)
+        if differ or np.median(full - alone) > MISSED:
+            rows = None
         else:
-            rows = (coefficients[: len(chosen)] + coefficients[len(chosen) :]).T
+            size = np.sqrt(np.diag(covariance)[chosen]) if rates is None else 1.0
+            weights = np.minimum(1.0, typical * size / (WEAK * (typical * size).max()))
     # A wheel at rest is all noise, one in another unit all variance: the kinder of two averages.
     spread = np.diag(covariance)[width:]
     share = max(np.median(full), full @ spread / (spread.sum() + 1e-300))
-    return Evidence(signal, motion, float(share), axes, rows)
+    return Evidence(signal, motion, float(share), axes, rows, weights)
 
 
 def explained(signal: np.ndarray, regressors: np.ndarray) -> np.ndarray:
@@ -134,12 +153,12 @@ def _inflation(covariance: np.ndarray) -> np.ndarray:
     return np.diag(np.linalg.inv(correlation + 1e-6 * np.eye(len(correlation))))
 
 
-def _cosines(found: np.ndarray, expected: np.ndarray) -> np.ndarray:
+def _cosines(found: np.ndarray, expected: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Cosines between rows; columns are scaled by their median size, so units do not count."""
 
     def directions(rows: np.ndarray) -> np.ndarray:
         typical, largest = np.median(np.abs(rows), axis=0), np.abs(rows).max(axis=0)
-        rows = rows / np.where(typical > 1e-3 * largest, typical, largest + 1e-300)
+        rows = weights * rows / np.where(typical > 1e-3 * largest, typical, largest + 1e-300)
         return rows / (np.linalg.norm(rows, axis=1, keepdims=True) + 1e-300)
 
     return directions(found) @ directions(expected).T

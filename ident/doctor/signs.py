@@ -10,6 +10,7 @@ import numpy as np
 
 from ident.doctor.record import Record
 from ident.doctor.smoothing import smooth
+from ident.doctor.turns import put_right
 from ident.doctor.witnesses import ALIKE, Fault, Witnesses
 
 
@@ -37,8 +38,12 @@ def check_signs(record: Record) -> None:
         witnesses, faults = _one_liar(record, witnesses)
     if not faults:
         _unexplained(record, witnesses)
+    elif all(f.of_source and f.source == "reference" for f in faults) and _alone(witnesses):
+        _outvoted(record, faults, witnesses)
     elif len(faults) == 1:
-        _repair(record, faults[0], witnesses.drive)
+        _repair(record, faults[0], witnesses)
+    elif all(f.of_source and f.source == faults[0].source != "body_velocity" for f in faults):
+        _outvoted(record, faults, witnesses)
     else:
         words = [fault.words(record, witnesses.drive) for fault in faults[:6]]
         record.refuse(
@@ -74,24 +79,55 @@ def _one_liar(record: Record, witnesses: Witnesses) -> tuple[Witnesses, list[Fau
     return fewer, faults
 
 
-def _repair(record: Record, fault: Fault, drive: str) -> None:
+def _alone(witnesses: Witnesses) -> bool:
+    """Whether only one source of body motion speaks, so that none of its kind confirms wheels."""
+    return len(witnesses.sources) == 1
+
+
+def _outvoted(record: Record, faults: list[Fault], witnesses: Witnesses) -> None:
+    """Leave out a command or pose that contradicts wheels which agree with each other."""
+    source = faults[0].source
+    words = " or ".join(fault.turn.words(source) for fault in faults[:3])
+    drive = f" and {witnesses.drive}" if witnesses.drive and witnesses.wheels_agree() else ""
+    record.warn(
+        f"{source} contradicts wheel_velocity{drive}, which agree with each other: {words}",
+        record.name(source),
+        f"{source} left out; correct its columns, with --map NAME=COLUMN and a minus for the "
+        "other sign. If it is right, all wheel columns are named after another front or side of "
+        "the robot",
+    )
+    record.leave_out(source)
+
+
+def _repair(record: Record, fault: Fault, witnesses: Witnesses) -> None:
     if fault.size == (0, 0):
         return
-    words, remedy = fault.words(record, drive), "put right"
-    where = ""
+    drive, remedy, where = witnesses.drive, "put right", ""
+    words, tell = f"signs or order: {fault.words(record, drive)}", record.fixed
     for channel, arrangement in (("wheel_velocity", fault.wheels), (drive, fault.drive)):
         if arrangement.changed and channel in record.channels:
             where = where or record.name(channel, arrangement.changed)
             record.set(channel, arrangement.undo(record.channels[channel]))
-    if fault.source:
-        where = where or record.name(fault.source)
-        if fault.source == "pose":
-            record.leave_out("pose")
+    source = fault.source
+    if source:
+        where = where or record.name(source)
+        if source == "pose" and fault.turn.rotates:
+            remedy = "the heading is put right"
+        elif source == "pose":
             remedy = "all other channels agree; the pose is left out"
+        if source == "pose" and not fault.turn.rotates:
+            tell = record.warn if _alone(witnesses) else record.fixed
+            record.leave_out("pose")
         else:
-            flipped = record.channels[fault.source] * np.array(fault.flip)
-            record.set(fault.source, flipped)
-    record.fixed(f"signs or order: {words}", where, remedy)
+            put_right(record, source, fault.turn)
+        if _alone(witnesses) and source in record.channels:
+            # Seen from the wheels the frame is turned for certain; a mirror may be in either.
+            tell = record.fixed if fault.turn.rotates else record.warn
+            remedy += (
+                "; wheels and drive input agree with each other. If the sensor is right, all wheel "
+                "columns are named after another front of the robot"
+            )
+    tell(words, where, remedy)
 
 
 def _unexplained(record: Record, witnesses: Witnesses) -> None:

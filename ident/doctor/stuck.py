@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from ident.doctor.record import Record, runs
+from ident.doctor.resolution import resolution
 
 LONG = 0.3  # s without any change
 ACTIVE = 0.1  # share of its rms by which the others move meanwhile
 MOST_STUCK = 0.2  # fraction of a log that may be cut out
 SATURATED = 0.01  # fraction of samples at the limit that is told
 HELD = 0.5  # fraction of repeated values that is told
+PILED = 3.0  # times as many at the limit as one coarse step inside: more than a crest of a motion
 JUMP = 0.005  # of the rms, between repeated values
+CHANGES = 1.0  # steps of a coarse record by which the others say that it should have changed, rms
 
 
 def check_stuck(record: Record) -> None:
@@ -42,16 +45,19 @@ def _column(record: Record, channel: str, column: int, rms: float) -> np.ndarray
             what = f"always {own[0]:.6g} while the others change"
             record.refuse(what, record.name(channel, [column]), "repair the sensor")
         return stuck
-    same = np.concatenate([[False], own[1:] == own[:-1]])
+    same, step = np.concatenate([[False], own[1:] == own[:-1]]), resolution(own)
     if channel != "wheel_velocity":
-        _limits(record, channel, column, limits)
-    _held(record, channel, column, same)
+        _limits(record, channel, column, limits, step)
+    _held(record, channel, column, same, step)
     others = [k for k in range(values.shape[1]) if k != column]
     shortest = max(10, LONG / record.dt)
     for begin, end in runs(same):
         if end - begin < shortest:
             continue
         alone = np.std(values[begin - 1 : end, others], axis=0).max() > ACTIVE * rms
+        # Coarse steps repeat as long as the signal stays within one of them.
+        if step and np.std(_expected(record, channel, column)[begin:end]) < CHANGES * step:
+            continue
         # A command at its limit is no broken sensor; a speed that cannot rise is one.
         if alone and (channel == "wheel_velocity" or float(own[begin]) not in limits):
             stuck[begin - 1 : end] = True
@@ -68,9 +74,26 @@ def _column(record: Record, channel: str, column: int, rms: float) -> np.ndarray
     return stuck
 
 
-def _limits(record: Record, channel: str, column: int, limits: set[float]) -> None:
+def _expected(record: Record, channel: str, column: int) -> np.ndarray:
+    """(N,) the best linear guess of a column from all other wheel columns."""
+    others = [np.delete(record.channels[channel], column, axis=1), np.ones((len(record.time), 1))]
+    others += [
+        record.channels[c]
+        for c in ("wheel_velocity", "wheel_torque")
+        if c != channel and c in record.channels
+    ]
+    columns = np.hstack(others)
+    own = record.channels[channel][:, column]
+    return columns @ np.linalg.lstsq(columns, own, rcond=None)[0]
+
+
+def _limits(record: Record, channel: str, column: int, limits: set[float], step: float) -> None:
     """Tell when a signal spends its time exactly at its largest or smallest value."""
     own = record.channels[channel][:, column]
+    if step:  # the outermost of coarse steps holds fewer values than the next one inside
+        inward = {min(limits): step, max(limits): -step}
+        near = {x: np.mean(np.abs(own - x - d) < step / 2) for x, d in inward.items()}
+        limits = {x for x in limits if np.mean(own == x) > PILED * near[x]}
     for limit in sorted(limits):
         there = own == limit
         if limit == 0 or there.mean() < SATURATED or max(e - b for b, e in runs(there)) < 3:
@@ -82,7 +105,7 @@ def _limits(record: Record, channel: str, column: int, limits: set[float]) -> No
         )
 
 
-def _held(record: Record, channel: str, column: int, same: np.ndarray) -> None:
+def _held(record: Record, channel: str, column: int, same: np.ndarray, step: float) -> None:
     """Tell when most values repeat the one before: the sensor is slower than the log."""
     if same.mean() < HELD / 2:
         return
@@ -92,7 +115,8 @@ def _held(record: Record, channel: str, column: int, same: np.ndarray) -> None:
     jumps = np.abs(np.diff(own, prepend=own[0]))[moving & ~same]
     repeated = float(np.mean(same[moving])) if moving.any() else 0.0
     # A steady motion without noise repeats values too, but it does not jump in between.
-    if repeated > HELD and len(jumps) and np.median(jumps) > JUMP * rms:
+    least = max(JUMP * rms, 1.5 * step)
+    if repeated > HELD and len(jumps) and np.median(jumps) > least:
         record.warn(
             f"{repeated:.0%} of the values repeat the one before: the sensor is slower than the "
             "log",

@@ -119,8 +119,12 @@ def _wheels(record: Record, gains: dict[str, np.ndarray]) -> None:
             "check units, wheel radius and time; give a unit in brackets, NAME [rpm]",
         )
         return
-    for wheel in np.flatnonzero(~np.isnan(sizes)):
-        _wheel(record, int(wheel), float(sizes[wheel] / typical), units)
+    relative = np.nan_to_num(sizes / typical, nan=1.0)
+    off = np.flatnonzero((relative < 1 / WHEEL_TOLD) | (relative > WHEEL_TOLD))
+    if len(off) > 1 and np.all(np.abs(np.log(relative)) < np.log(WHEEL_REFUSED)):
+        return  # axes that move together: their scales pass for those of wheels
+    for wheel in off:
+        _wheel(record, int(wheel), float(relative[wheel]), units)
 
 
 def _wheel(record: Record, wheel: int, relative: float, units: dict[str, float]) -> None:

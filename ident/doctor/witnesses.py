@@ -2,32 +2,28 @@
 
 Wheel speeds, drive input and every measurement or command of the body motion are compared by their
 fingerprints.  Faults considered: another arrangement of the wheel speeds, of the drive input, or of
-both alike, and other signs of the axes of one source of body motion.
+both alike, and other axes of one source of body motion.
 """
 
 from __future__ import annotations
 
 import itertools
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from ident.doctor.arrangement import Arrangement, arrangements, fitting
+from ident.doctor.arrangement import Arrangement, arrangements, fitting, likeness
 from ident.doctor.evidence import Evidence, explained, hear
 from ident.doctor.record import Record
 from ident.doctor.smoothing import BODY_SOURCES, Smooth
+from ident.doctor.turns import QUARTER, RIGHT, TURNS, Turn, turn_by
 
 ALIKE = 0.6  # cosine between fingerprints; rows of other mecanum wheels are at 1/3
 SPEAKS = 0.5  # fraction of the wheel speeds that a body motion must explain to be a witness
 DRIVES = 0.3  # fraction of the drive input that the motion must explain to say anything
+OBLIQUE = 0.2  # rad from a multiple of a quarter turn, beyond which a frame stands between two
 REDUNDANT = 0.25  # last over next singular value of wheel speeds that shows their redundancy
-FLIPS = [np.array(flip) for flip in itertools.product((1, -1), repeat=3)]
-BODY_COLUMNS = {
-    "body_velocity": ("V_X", "V_Y", "yaw rate"),
-    "reference": ("V_X", "V_Y", "yaw rate"),
-    "pose": ("x", "y", "yaw"),
-}
 
 
 @dataclass(frozen=True)
@@ -36,20 +32,25 @@ class Fault:
 
     Attributes:
         wheels, drive: how the columns of wheel speeds and of the drive input are arranged.
-        source, flip: a source of body motion with other signs of its axes; "" for none.
+        source, turn: a source of body motion with other axes; "" for none.
     """
 
     wheels: Arrangement
     drive: Arrangement
     source: str = ""
-    flip: tuple[int, ...] = field(default=(1, 1, 1))
+    turn: Turn = RIGHT
 
     @property
     def size(self) -> tuple[int, int]:
         """Number of independent faults, then of the columns they touch."""
         parts = {a for a in (self.wheels, self.drive) if a.changed}
-        columns = sum(len(a.changed) for a in parts) + sum(sign < 0 for sign in self.flip)
+        columns = sum(len(a.changed) for a in parts) + self.turn.columns
         return len(parts) + bool(self.source), columns
+
+    @property
+    def of_source(self) -> bool:
+        """Whether only a source of body motion is at fault, wheels and drive input are right."""
+        return bool(self.source) and not self.wheels.changed and not self.drive.changed
 
     def words(self, record: Record, drive: str) -> str:
         """Say what is wrong."""
@@ -62,8 +63,7 @@ class Fault:
             if self.drive.changed:
                 parts.append(f"{drive}: {self.drive.words(names)}")
         if self.source:
-            axes = [n for n, s in zip(BODY_COLUMNS[self.source], self.flip, strict=True) if s < 0]
-            parts.append(f"{self.source}: {', '.join(axes)} with the other sign")
+            parts.append(f"{self.source}: {self.turn.words(self.source)}")
         return " and ".join(parts)
 
 
@@ -79,7 +79,9 @@ class Witnesses:
         self.drive = drives[0] if drives else ""
         self.force = signals.signals.get(self.drive)
         self.sources, self.silent = [], {}
+        self.turns: dict[str, list[Turn]] = {}
         self._evidence: dict[tuple[str, str], Evidence] = {}
+        self._agree: bool | None = None
         for source in BODY_SOURCES:
             # A command of zero is none; a measurement of zero is a witness.
             if source in signals.signals and (
@@ -99,18 +101,30 @@ class Witnesses:
             self.silent[source] = share
             return
         self.sources.append(source)
+        oblique = self._oblique(motion)
+        self.turns[source] = [t for t in TURNS[1:] if not (oblique and t.rotates)] + oblique
         for kind, evidence in heard.items():
             if kind == "wheels" or evidence.share > DRIVES:
                 self._evidence[source, kind] = evidence
 
-    def cosines(self, source: str, kind: str, flip=(1, 1, 1)) -> np.ndarray | None:
+    def _oblique(self, motion: np.ndarray) -> list[Turn]:
+        """The frame of a source turned by no multiple of 90 deg, if the wheels say so."""
+        if self.wheels is None:
+            return []
+        rolled = self.wheels @ np.linalg.pinv(self.J).T
+        seen = np.linalg.lstsq(rolled[:, :2], motion[:, :2], rcond=None)[0].T
+        angle = float(np.arctan2(seen[1, 0] - seen[0, 1], seen[0, 0] + seen[1, 1]))
+        clear = abs((angle + QUARTER / 2) % QUARTER - QUARTER / 2) > OBLIQUE
+        return [turn_by(angle)] if clear else []
+
+    def cosines(self, source: str, kind: str, turn: Turn = RIGHT) -> np.ndarray | None:
         """Resemblance of columns to wheels by one source, None where it is silent on them."""
         evidence = self._evidence.get((source, kind))
-        return evidence and evidence.table(self.J * np.array(flip), kind == "drive")
+        return evidence and evidence.table(self.J @ turn.matrix.T, kind == "drive")
 
-    def _fitting(self, kind: str, source: str, flip: tuple[int, ...]) -> list[Arrangement]:
-        """Arrangements that agree with all sources, one of them flipped."""
-        tables = [self.cosines(s, kind, flip if s == source else (1, 1, 1)) for s in self.sources]
+    def _fitting(self, kind: str, source: str, turn: Turn) -> list[Arrangement]:
+        """Arrangements that agree with all sources, one of them turned."""
+        tables = [self.cosines(s, kind, turn if s == source else RIGHT) for s in self.sources]
         return self._alike([table for table in tables if table is not None])
 
     def _alike(self, tables: list[np.ndarray]) -> list[Arrangement]:
@@ -123,17 +137,69 @@ class Witnesses:
     def faults(self) -> list[Fault]:
         """All faults that explain the log, the simplest ones only; the empty fault if it does.
 
-        Fewest independent faults win.  Fewer columns decide only between arrangements of wheels:
-        a robot seen from its other end is as likely as a reference with another sign.
+        Fewest independent faults win.  Among those, a source of body motion with other axes comes
+        before a rearrangement of good columns: where wheel speeds and drive input agree with each
+        other they outvote it, and a command is outvoted by wheel speeds alone.
         """
+        if self._undisputed():
+            return [Fault(self.all[0], self.all[0])]
         found = self._with_sources() if self.sources else self._without_sources()
         least = min((fault.size[0] for fault in found), default=0)
+        found = [fault for fault in found if fault.size[0] == least]
+        groups = [[f for f in found if f.of_source], [f for f in found if not f.of_source]]
+        if all(groups):
+            mistaken = [f for f in groups[0] if f.source == "reference" or self.wheels_agree()]
+            groups = [mistaken] if mistaken and self.wheels is not None else groups
         simplest = []
-        for of_source in (False, True):
-            group = [f for f in found if f.size[0] == least and bool(f.source) == of_source]
+        for group in groups:
             columns = min((fault.size[1] for fault in group), default=0)
             simplest += [fault for fault in group if fault.size[1] == columns]
         return simplest
+
+    def _undisputed(self) -> bool:
+        """Whether all sources agree with the wheel speeds, and these with the drive input.
+
+        What a command says about the drive input itself is hearsay then: the wheels know better.
+        """
+        if self.wheels is None or not self.sources:
+            return False
+        right = all(self.all[0] in self._fitting("wheels", s, RIGHT) for s in self.sources)
+        return right and self.wheels_agree()
+
+    def wheels_agree(self) -> bool:
+        """Whether wheel speeds and drive input, as they stand, agree with each other."""
+        if self._agree is None:
+            self._agree = (
+                self.wheels is not None
+                and self.force is not None
+                and self._drive_speaks()
+                and self.all[0] in self._redundant()
+                and self._drive_follows()
+            )
+        return self._agree
+
+    def _drive_follows(self) -> bool:
+        """Whether the drive input, as it stands, moves the wheels as they move.
+
+        Wheel loops may press the wheels against each other, which moves nothing.  What is left
+        without that must follow the wheels, and better than any other arrangement does with it.
+        """
+        inverse = np.linalg.pinv(self.J).T
+        motion, rates = self.wheels @ inverse, self.wheel_rates @ inverse
+        heard = hear(self.force, motion, rates)
+        table = heard.table(self.J, True)
+        if table is None or self.all[0] in self._alike([table]):
+            return True
+        rolling = hear(self.force @ self.J @ inverse.T, motion, rates)
+        if rolling.rows is None or np.any(heard.axes & ~rolling.axes):
+            return False
+        best = max(likeness(arrangement, table) for arrangement in self.all)
+        return likeness(self.all[0], rolling.table(self.J, True)) > max(ALIKE, best)
+
+    def _drive_speaks(self) -> bool:
+        """Whether the wheel speeds explain enough of the drive input."""
+        regressors = np.hstack([self.wheels, self.wheel_rates])
+        return bool(np.median(explained(self.force, regressors)) > DRIVES)
 
     def without(self, source: str) -> Witnesses:
         """The same witnesses, one of them not heard."""
@@ -142,12 +208,12 @@ class Witnesses:
         return fewer
 
     def _with_sources(self) -> list[Fault]:
-        found, cases = [], [("", (1, 1, 1))]
-        cases += [(source, tuple(flip.tolist())) for source in self.sources for flip in FLIPS[1:]]
-        for source, flip in cases:
-            wheels = self._fitting("wheels", source, flip)
-            drives = self._fitting("drive", source, flip)
-            found += [Fault(w, d, source, flip) for w, d in _pairs(wheels, drives)]
+        found, cases = [], [("", RIGHT)]
+        cases += [(source, turn) for source in self.sources for turn in self.turns[source]]
+        for source, turn in cases:
+            wheels = self._fitting("wheels", source, turn)
+            drives = self._fitting("drive", source, turn)
+            found += [Fault(w, d, source, turn) for w, d in _pairs(wheels, drives)]
             if not source and any(fault.size == (0, 0) for fault in found):
                 break
         return found
@@ -157,9 +223,7 @@ class Witnesses:
         if self.wheels is None:
             return [Fault(self.all[0], self.all[0])]
         found = []
-        speaks = self.force is not None and np.median(
-            explained(self.force, np.hstack([self.wheels, self.wheel_rates]))
-        ) > DRIVES  # fmt: skip
+        speaks = self.force is not None and self._drive_speaks()
         inverse = np.linalg.pinv(self.J).T
         for wheels in self._redundant():
             if not speaks:
