@@ -68,7 +68,8 @@ def stated(model: Model, log: Log) -> dict[str, float]:
     """
     names = model.names()
     known = {f"{e}.{n}": v for e, values in log.recording.items() for n, v in values.items()}
-    if SHIFT in names and any(active.effect.late for active in model.effects):
+    late = [a.identifier for a in model.effects if a.effect.late]
+    if SHIFT in names and any(identifier not in log.recording for identifier in late):
         known = {SHIFT: 0.0} | known
     return {name: value for name, value in known.items() if name in names}
 

@@ -70,6 +70,7 @@ def refine(
     tolerance: float = TOLERANCE,
     intervals: bool = True,
     ends: list[dict[str, tuple[float, float]]] | None = None,
+    smooth: bool = False,
 ) -> OutputError:
     """Refine a model by output error.
 
@@ -86,6 +87,7 @@ def refine(
         intervals: whether the covariance is wanted, and what noise of the torques does to the
             values taken back, which takes a while.
         ends: for each log, lowest and highest values by name, within those of the model.
+        smooth: whether errors are averaged over neighbouring samples, see ``scaled_fit.smoothed``.
 
     Returns:
         The refined model with its covariance.  Contrast parameters keep their mean.
@@ -96,7 +98,8 @@ def refine(
     free_values = FreeValues.of(model, free, scopes, fixed, ends)
 
     def at(values, logs: list[Log] = logs) -> ScaledFit:
-        return ScaledFit.at(logs, scopes.split(values, model), window, keep, weights)
+        models = scopes.split(values, model)
+        return ScaledFit.at(logs, models, window, keep, weights, smooth)
 
     fits = [
         at(free_values.within(scopes.join([adapted(start, log) for log in logs])))

@@ -20,6 +20,7 @@ from youbot_env.model import Model
 from youbot_env.model_file import load_model, model_to_dict, save_model
 from youbot_env.recording import record_motion, write_table
 from youbot_env.references import REFERENCES, Reference, make_reference
+from youbot_env.references.eased import EASE_IN
 from youbot_env.simulation import ROWS, AnalyticPlant, Sensors, WheelLoop
 
 PLANTS = ("analytic", "rollers")
@@ -206,7 +207,9 @@ def choose_motion(
     options = {"speed": speed, "frequency": frequency}
     chosen = {key: value for key, value in options.items() if value is not None}
     if name == "calibration":
-        chosen |= {"seconds": seconds, "platform": model.platform}
+        # Each motion is eased in and out, so that it takes a quarter of the log with that.
+        parts = seconds - 4 * EASE_IN
+        chosen |= {"seconds": parts if parts > 0 else seconds, "platform": model.platform}
     elif name in ("I", "II"):
         chosen["platform"] = model.platform
     return make_reference(name, **chosen)

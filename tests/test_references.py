@@ -5,7 +5,7 @@ import pytest
 
 from youbot_env.backend import NUMPY
 from youbot_env.platform import youbot
-from youbot_env.references import REFERENCES, Circle, Eased, make_reference
+from youbot_env.references import REFERENCES, Circle, Eased, calibration_sequence, make_reference
 
 T = np.arange(0.0, 40.0, 1e-3)
 NAMES = [name for name in REFERENCES if name != "step"]
@@ -34,12 +34,13 @@ def test_eased_motion_has_the_right_derivatives(name):
 @pytest.mark.parametrize("name", REFERENCES)
 def test_eased_motion_starts_at_rest_and_is_later_the_same(name):
     motion, eased = make_reference(name), Eased(of=make_reference(name), seconds=0.8)
+    later = 0.8 * len(motion.joints)
     start, first = eased.sample(np.array([-0.1, 0.0]), 3), motion.sample(np.zeros(2), 3)
     np.testing.assert_array_equal(start.pose, first.pose)
     np.testing.assert_array_equal((start.rate, start.acceleration), 0.0)
     late = np.linspace(0.8, 30.0, 200)
     np.testing.assert_allclose(eased.sample(late, 3), motion.sample(late - 0.4, 3), atol=1e-12)
-    assert eased.duration == motion.duration + 0.4
+    assert eased.duration == motion.duration + 0.4 + later
     at_once = Eased(of=motion, seconds=0.0)
     np.testing.assert_array_equal(at_once.sample(late, 3), motion.sample(late, 3))
 
@@ -126,3 +127,22 @@ def test_wrong_requests_name_the_value():
         Eased(of=Circle(), seconds=-1)
     with pytest.raises(TypeError, match="radius"):
         make_reference("circle", radius=1.0)
+
+
+def test_eased_parts_join_at_rest_and_at_their_times():
+    sequence = calibration_sequence(seconds=40.0)
+    eased = Eased(of=sequence, seconds=1.0)
+    assert sequence.joints == (10.0, 20.0, 30.0)
+    assert eased.duration == 40.0 + 3.5
+    # Each joint is reached a second later than the one before it: 11, 22, 33 s.
+    at = np.array([11.0, 22.0, 33.0])
+    rest = eased.sample(at)
+    np.testing.assert_allclose(np.array(rest.rate), 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.array(rest.acceleration), 0.0, atol=1e-9)
+    joined = sequence.sample(np.array(sequence.joints))
+    np.testing.assert_allclose(np.array(rest.pose), np.array(joined.pose), atol=1e-12)
+    # The velocity never jumps, which that of the bare sequence does.
+    time = np.arange(0.0, 43.0, 1e-3)
+    steps = [np.abs(np.diff(np.array(m.rate), axis=1)).max() for m in (eased.sample(time),
+             sequence.sample(time))]  # fmt: skip
+    assert steps[0] < 2e-3 < 0.1 < steps[1]

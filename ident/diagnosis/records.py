@@ -14,7 +14,6 @@ from ident.recording import (
     Instrument,
     Recording,
     clock,
-    declared,
     find_recordings,
     lead,
     plain,
@@ -63,8 +62,25 @@ def told(records: list[Recording], fits: Refits, model: Model) -> tuple[Instrume
             found += record.instruments
             continue
         found += clock(record.original, *lead(refined, number))
-        found += declared(record.original)
+        found += record.others
     return (*found, *_sensors(records[0].original, model))
+
+
+def with_unknown_hold(model: Model, instruments: tuple[Instrument, ...], log: Log) -> Model:
+    """The model with what an unknown hold does to a time by which the robot is late.
+
+    Held instead of sampled rows, or means instead, make it half a row shorter or longer; that
+    counts as two standard errors.
+    """
+    assumed = any(one.what == HOLD and one.status == "assumed" for one in instruments)
+    if not assumed or model.covariance is None:
+        return model
+    covariance = np.array(model.covariance)
+    for active in model.effects:
+        if active.effect.late:
+            at = model.names().index(f"{active.identifier}.{next(iter(active.values))}")
+            covariance[at, at] += (0.25 * log.dt) ** 2
+    return replace(model, covariance=covariance.tolist())
 
 
 def _sensors(log: Log, model: Model) -> list[Instrument]:

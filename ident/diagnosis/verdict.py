@@ -12,7 +12,7 @@ from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
 from ident.diagnosis.fitness import unfit
 from ident.diagnosis.parts import divide, weigh
 from ident.diagnosis.power import Reach, reach
-from ident.diagnosis.records import freed, recordings, told
+from ident.diagnosis.records import freed, recordings, told, with_unknown_hold
 from ident.diagnosis.rivals import refit
 from ident.diagnosis.rounds import REMAINDER, UNEXPLAINED, Round
 from ident.diagnosis.search import search
@@ -158,6 +158,7 @@ def diagnose(
     last = chain[-1][1]
     steps.sort(key=lambda step: step.background)
     recording = told(records, fits, last)
+    last = with_unknown_hold(last, recording, fits.parts[0].log)
     verdict, reason = _judge(steps, errors, outside, first, now)
     if verdict == "ambiguous":
         tell("looking for a motion that separates them")

@@ -100,6 +100,11 @@ class Reference:
         """How long the motion lasts, s; infinite where it repeats."""
         return float("inf")
 
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Times, s, at which the velocity may jump, time zero left out."""
+        return ()
+
     def sample(self, times: np.ndarray, seed: int | None = None) -> Motion:
         """Evaluate one episode on a time grid (N,); entries are arrays (N,)."""
         values = self.draw(np.random.default_rng(seed))

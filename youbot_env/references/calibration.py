@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -111,6 +112,11 @@ class Sequence(Reference):
     def duration(self) -> float:
         """Sum of the lengths, s."""
         return sum(self.lengths)
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Where one part follows another, s."""
+        return tuple(itertools.accumulate(self.lengths[:-1]))
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """See the base class; each part is preceded by the displacement that joins it on."""

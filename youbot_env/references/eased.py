@@ -1,4 +1,4 @@
-"""A motion that begins from rest: its own time starts to run slowly."""
+"""A motion that begins from rest, and rests where its velocity would jump."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ EASE_IN = 1.0
 
 @dataclass(frozen=True)
 class Eased(Reference):
-    """Another reference along its own path, at rest at time zero and at its own speed later.
+    """Another reference along its own path, at rest at time zero and where its parts join.
 
-    The other reference is read at ``phase(t)`` instead of t.  Its derivative is the smooth step
-    ``10 s^3 - 15 s^4 + 6 s^5`` of ``s = t / seconds``, so velocity and acceleration start at zero
-    and change without a kink; afterwards the motion is ``seconds / 2`` late.  Before time zero it
-    rests.
+    The other reference is read at ``phase(t)`` instead of t.  The pace ``phase'`` rises from zero
+    by the smooth step ``10 s^3 - 15 s^4 + 6 s^5`` of ``s = t / seconds``; before each joint of the
+    reference it falls to zero in the same way and rises again, so velocity and acceleration change
+    without a kink.  The motion is ``seconds / 2`` late after the start, and ``seconds`` more after
+    every joint.  Before time zero it rests.
 
     Attributes:
         of: the reference that is eased.
-        seconds: how long the start takes, s; 0 for none.
+        seconds: how long the pace takes to rise or to fall, s; 0 for none.
     """
 
     of: Reference = field(kw_only=True)
@@ -39,7 +40,7 @@ class Eased(Reference):
     @property
     def duration(self) -> float:
         """How long the motion lasts, s."""
-        return self.of.duration + self.seconds / 2
+        return self.of.duration + self.seconds * (0.5 + len(self.of.joints))
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """See the base class."""
@@ -49,12 +50,15 @@ class Eased(Reference):
         """See the base class; pace and its derivative come from the chain rule."""
         if self.seconds == 0:
             return self.of.evaluate(values, t, ops)
-        t = ops.maximum(t, 0.0)
-        s = ops.minimum(t / self.seconds, 1.0)
-        cube, left = s * s * s, 1.0 - s
-        phase = t + self.seconds * (cube * s * (2.5 - 3.0 * s + s * s) - s)
-        pace = cube * (10.0 - 15.0 * s + 6.0 * s * s)
-        change = 30.0 * s * s * left * left / self.seconds
+        phase, pace, change = self._step(t, ops)
+        for number, joint in enumerate(self.of.joints):
+            fall = joint + number * self.seconds
+            for sign, start in ((-1.0, fall), (1.0, fall + self.seconds)):
+                parts = self._step(t - start, ops)
+                phase, pace, change = (
+                    whole + sign * part
+                    for whole, part in zip((phase, pace, change), parts, strict=True)
+                )
         motion = self.of.evaluate(values, phase, ops)
         pairs = zip(motion.rate, motion.acceleration, strict=True)
         return Motion(
@@ -62,3 +66,12 @@ class Eased(Reference):
             tuple(pace * rate for rate in motion.rate),
             tuple(pace * pace * second + change * rate for rate, second in pairs),
         )
+
+    def _step(self, t, ops: Ops) -> tuple:
+        """A pace that begins to rise at time zero: its integral, s, itself, and its rate, 1/s."""
+        t = ops.maximum(t, 0.0)
+        s = ops.minimum(t / self.seconds, 1.0)
+        cube, left = s * s * s, 1.0 - s
+        phase = t + self.seconds * (cube * s * (2.5 - 3.0 * s + s * s) - s)
+        pace = cube * (10.0 - 15.0 * s + 6.0 * s * s)
+        return phase, pace, 30.0 * s * s * left * left / self.seconds
