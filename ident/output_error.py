@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.free_values import FreeValues
-from ident.input_noise import noisier
+from ident.input_noise import PAIRS, noisier
 from ident.instruments import adapted, stated
 from ident.log import Log
 from ident.scaled_fit import ScaledFit
@@ -71,6 +71,7 @@ def refine(
     intervals: bool = True,
     ends: list[dict[str, tuple[float, float]]] | None = None,
     smooth: bool = False,
+    draws: int = PAIRS,
 ) -> OutputError:
     """Refine a model by output error.
 
@@ -87,6 +88,7 @@ def refine(
         intervals: whether the covariance is wanted, and what noise of the torques does to the
             values taken back, which takes a while.
         ends: for each log, lowest and highest values by name, within those of the model.
+        draws: pairs of records with more noise, by which what noise does to the values is told.
         smooth: whether errors are averaged over neighbouring samples, see ``scaled_fit.smoothed``.
 
     Returns:
@@ -124,7 +126,7 @@ def refine(
     models, covariance = now.models, None
     if intervals:
         covariance, values = now.covariance(free_values), now.values
-        steps = [at(values, noisy).step(free_values, 0.0)[0] for noisy in noisier(logs)]
+        steps = [at(values, noisy).step(free_values, 0.0)[0] for noisy in noisier(logs, draws)]
         if steps:
             bias = _credible(np.mean(steps, axis=0), np.sqrt(np.diag(covariance)))
             now = at(free_values.within(values - bias))

@@ -33,7 +33,7 @@ from ident.log import Log
 from ident.noise_floor import noise_floor
 from ident.output_error import OutputError, refine
 from ident.scaled_fit import ScaledFit
-from ident.thinning import DENSE, thinned
+from ident.thinning import thinned
 from youbot_env.effects import Effect, get_effect
 from youbot_env.measurement import AVERAGED, HELD, HOLDS, SAMPLED
 from youbot_env.model import Model
@@ -52,6 +52,10 @@ WIDE = 2.0
 # agree with each other and where they do not: leads of simulated robots with effects that no
 # nuisance stands for (payload, sag, a patch of floor; slip, real rollers) were wrong by as much.
 ALIGNED = (0.1, 0.3)
+# Least standard deviation of what is known of a lead beforehand, s.
+LEAST_SPREAD = 0.01
+# Rows, s, that suffice for a lead: the robot answers within a tenth of a second.
+COARSE_ROWS = 0.02
 # Half widths beyond which a clock is not known, s.
 VAGUE = 8e-3
 # Steps that lower the squares by less than this share do not move a lead.
@@ -170,7 +174,7 @@ def find_recordings(logs: list[Log], model: Model, signed: bool = True) -> list[
             to be explained.
     """
     if all(HOLD in log.recording and OFFSET in log.recording for log in logs):
-        return [_recording(log, log, 0.0, 0.0, signed) for log in logs]
+        return [_recording(log, 0.0, 0.0, signed) for log in logs]
     told = [_by_pose(log) for log in logs]
     found = _find_clocks([log for log, _ in told], model, signed)
     return [
@@ -209,14 +213,10 @@ def _find_clocks(logs: list[Log], model: Model, signed: bool) -> list[Recording]
     sparse = [sparsely(exciting(log)) for log in logs]
     rich = _with_nuisances(with_instruments(without_instruments(model), sparse))
     try:
-        fit = refine(sparse, rich, tolerance=ENOUGH_LESS, smooth=True)
+        fit = refine(sparse, rich, tolerance=ENOUGH_LESS, smooth=True, draws=1)
     except ValueError:  # no window is contiguous: the recording stays what it usually is
-        return [_recording(log, one, lead_of(SAMPLED, one.dt), 0.0, signed)
-                for log, one in zip(logs, sparse, strict=True)]  # fmt: skip
-    return [
-        _recording(log, one, *lead(fit, k), signed)
-        for k, (log, one) in enumerate(zip(logs, sparse, strict=True))
-    ]
+        return [_recording(log, lead_of(SAMPLED, log.dt), 0.0, signed) for log in logs]
+    return [_recording(log, *lead(fit, k), signed) for k, log in enumerate(logs)]
 
 
 def with_free_clocks(
@@ -259,8 +259,8 @@ def _with_nuisances(model: Model) -> Model:
 
 
 def sparsely(log: Log) -> Log:
-    """The log, or means over 10 ms where it is denser; these act as held torques do."""
-    thin = thinned(log, DENSE)
+    """The log, or means over 20 ms where it is denser; these act as held torques do."""
+    thin = thinned(log, COARSE_ROWS)
     return log if thin is log else stating(thin, HOLD, kind=float(HOLDS.index(HELD)))
 
 
@@ -290,7 +290,7 @@ def lead(fit: OutputError, number: int) -> tuple[float, float]:
     return ahead, float(np.hypot(np.sqrt(fit.covariance[place, place]), bias))
 
 
-def _recording(log: Log, sparse: Log, ahead: float, error: float, signed: bool) -> Recording:
+def _recording(log: Log, ahead: float, error: float, signed: bool) -> Recording:
     """What a fit to (means of) a log says of the log itself."""
     kind = log.recording.get(HOLD, {}).get("kind")
     hold = SAMPLED if kind is None else HOLDS[round(kind)]
@@ -299,13 +299,14 @@ def _recording(log: Log, sparse: Log, ahead: float, error: float, signed: bool) 
     else:
         # Known beforehand: rows act about half a row ahead, give or take a row, or as the hold that
         # was declared; unless they certainly do not.
-        before, spread = (0.5 * sparse.dt if kind is None else lead_of(hold, log.dt)), sparse.dt
+        before = 0.5 * log.dt if kind is None else lead_of(hold, log.dt)
+        spread = max(log.dt, LEAST_SPREAD)
         if abs(ahead - before) < spread + SURE * error:
             ahead = (ahead * spread**2 + before * error**2) / (spread**2 + error**2)
         earliest = 0.0 if kind is None else before
         if not signed and ahead < earliest:
             # Where it is late, or might as well be, the rows count as what they usually are.
-            unknown = error > 0.25 * sparse.dt
+            unknown = error > 0.25 * spread
             late = earliest - ahead > max(CLOSE, SURE * error)
             ahead = lead_of(hold, log.dt) if late or unknown else earliest
     said = clock(log, ahead, error)

@@ -63,7 +63,7 @@ def told(records: list[Recording], fits: Refits, model: Model) -> tuple[Instrume
             continue
         found += clock(record.original, *lead(refined, number))
         found += record.others
-    return (*found, *_sensors(records[0].original, model))
+    return (*found, *_sensors(records[0].log, model))
 
 
 def with_unknown_hold(model: Model, instruments: tuple[Instrument, ...], log: Log) -> Model:
