@@ -33,7 +33,7 @@ from ident.log import Log
 from ident.noise_floor import noise_floor
 from ident.output_error import OutputError, refine
 from ident.scaled_fit import ScaledFit
-from ident.thinning import thinned
+from ident.thinning import SEARCHED, thinned
 from youbot_env.effects import Effect, get_effect
 from youbot_env.measurement import AVERAGED, HELD, HOLDS, SAMPLED
 from youbot_env.model import Model
@@ -54,8 +54,6 @@ WIDE = 2.0
 ALIGNED = (0.1, 0.3)
 # Least standard deviation of what is known of a lead beforehand, s.
 LEAST_SPREAD = 0.01
-# Rows, s, that suffice for a lead: the robot answers within a tenth of a second.
-COARSE_ROWS = 0.02
 # Half widths beyond which a clock is not known, s.
 VAGUE = 8e-3
 # Steps that lower the squares by less than this share do not move a lead.
@@ -260,7 +258,7 @@ def _with_nuisances(model: Model) -> Model:
 
 def sparsely(log: Log) -> Log:
     """The log, or means over 20 ms where it is denser; these act as held torques do."""
-    thin = thinned(log, COARSE_ROWS)
+    thin = thinned(log, SEARCHED)
     return log if thin is log else stating(thin, HOLD, kind=float(HOLDS.index(HELD)))
 
 
@@ -304,11 +302,10 @@ def _recording(log: Log, ahead: float, error: float, signed: bool) -> Recording:
         if abs(ahead - before) < spread + SURE * error:
             ahead = (ahead * spread**2 + before * error**2) / (spread**2 + error**2)
         earliest = 0.0 if kind is None else before
-        if not signed and ahead < earliest:
-            # Where it is late, or might as well be, the rows count as what they usually are.
-            unknown = error > 0.25 * spread
+        if not signed:
+            # Where the robot is late, or might as well be, rows count as what they usually are.
             late = earliest - ahead > max(CLOSE, SURE * error)
-            ahead = lead_of(hold, log.dt) if late or unknown else earliest
+            ahead = before if late or error > 0.5 * spread else max(ahead, earliest)
     said = clock(log, ahead, error)
     hold = float(HOLDS.index(said[0].value))
     told = stating(stating(log, HOLD, kind=hold), OFFSET, d=float(said[1].value))

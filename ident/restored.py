@@ -56,8 +56,8 @@ def _restored(log: Log, model: Model, values, angle: bool) -> Log:
             for name in ("wheel_velocity", "body_velocity", f"wheel_{log.drive}")
             if getattr(log, name) is not None
         })  # fmt: skip
-    # A start that is not known any more counts as zero; laws that mind are not tried there.
-    if log.pose is None:
+    # A pose that is not known any more is none; laws that mind are not tried there.
+    if log.pose is None and bridged(log):
         log = replace(log, pose=dead_reckoning(log))
     if angle and log.wheel_angle is None:
         log = replace(log, wheel_angle=wheel_angles(log))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.parts import CHOOSING, FIT
+from ident.diagnosis.parts import CHOOSING, FIT, divide
 from ident.diagnosis.rivals import Refits
 from ident.instruments import HOLD, OFFSET, SHIFT, stated
 from ident.log import Log
@@ -19,6 +19,10 @@ from ident.recording import (
     plain,
     with_free_clocks,
 )
+from ident.restored import restored
+from ident.thinning import DENSE, thinned
+from youbot_env.effects import get_effect
+from youbot_env.measurement import HELD, HOLDS
 from youbot_env.model import Model
 
 
@@ -35,17 +39,46 @@ def recordings(logs: list[Log], test: Log | None, model: Model) -> list[Recordin
     return [*found[:-1], replace(last, log=replace(test, recording=last.log.recording))]
 
 
-def freed(fits: Refits, records: list[Recording], base: Model) -> tuple[Refits, Model]:
-    """Fits in which the clocks of the fitted logs move with the robot, and the base for them."""
-    logs, model, ends = with_free_clocks(
-        [replace(record, log=part.log) for record, part in zip(records, fits.parts, strict=True)],
-        base,
-    )
-    parts = [
-        replace(part, log=log, ends=end) if part.windows(FIT).any() else part
-        for part, log, end in zip(fits.parts, logs, ends, strict=True)
-    ]
-    return Refits(parts), model
+def ready(record: Recording, model: Model, interval: float) -> Log:
+    """A log for a fit: its instruments undone, and thinned to an interval, s, where it is denser.
+
+    It states its clock, which a fit may then move, and that the rest is known.
+    """
+    log = thinned(restored(record.log, model), interval)
+    undone = {
+        name: {parameter.name: 0.0 for parameter in get_effect(name).parameters}
+        for name in record.log.recording
+    }
+    return replace(log, recording=undone | {HOLD: {"kind": float(HOLDS.index(HELD))}})
+
+
+def freed(
+    fits: Refits, records: list[Recording], base: Model, tested: bool
+) -> tuple[Refits, Model]:
+    """Fits to all rows, in which the clocks of the fitted logs move with the robot.
+
+    Args:
+        fits: those of the search.
+        records: the logs.
+        base: the model that the search began with.
+        tested: whether the last log is the one for choosing.
+
+    Returns:
+        The fits, and the base for them.
+    """
+    whole = [replace(record, log=ready(record, base, DENSE)) for record in records]
+    logs, model, ends = with_free_clocks(whole, base)
+    parts = divide(logs[: len(logs) - tested], logs[-1] if tested else None, base)
+    return Refits(
+        [
+            replace(
+                part,
+                weights=coarse.weights,
+                **({"ends": end} if part.windows(FIT).any() else {"log": record.log}),
+            )  # fmt: skip
+            for part, coarse, record, end in zip(parts, fits.parts, whole, ends, strict=True)
+        ]
+    ), model
 
 
 def told(records: list[Recording], fits: Refits, model: Model) -> tuple[Instrument, ...]:
@@ -61,7 +94,8 @@ def told(records: list[Recording], fits: Refits, model: Model) -> tuple[Instrume
         if number >= len(refined.models) or SHIFT in stated(model, fits.parts[number].log):
             found += record.instruments
             continue
-        found += clock(record.original, *lead(refined, number))
+        moved, error = lead(refined, number)
+        found += clock(record.original, record.lead + moved, error)
         found += record.others
     return (*found, *_sensors(records[0].log, model))
 

@@ -12,7 +12,7 @@ from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
 from ident.diagnosis.fitness import unfit
 from ident.diagnosis.parts import divide, weigh
 from ident.diagnosis.power import Reach, reach
-from ident.diagnosis.records import freed, recordings, told, with_unknown_hold
+from ident.diagnosis.records import freed, ready, recordings, told, with_unknown_hold
 from ident.diagnosis.rivals import refit
 from ident.diagnosis.rounds import REMAINDER, UNEXPLAINED, Round
 from ident.diagnosis.search import search
@@ -22,7 +22,7 @@ from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
 from ident.instruments import without_instruments
 from ident.log import Log
 from ident.recording import Instrument
-from ident.thinning import DENSE, thinned
+from ident.thinning import SEARCHED
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
@@ -138,9 +138,9 @@ def diagnose(
     if weak:
         return Diagnosis(name, "cannot_say", weak, (), model, model, experiment=CALIBRATION)
     tell("finding out how the logs were recorded")
-    records = recordings(logs, test, without_instruments(model))
     model = without_instruments(model)
-    *logs, test = [thinned(r.log, DENSE) for r in records] + ([None] if test is None else [])
+    records = recordings(logs, test, model)
+    *logs, test = [ready(r, model, SEARCHED) for r in records] + ([None] if test is None else [])
     parts = divide(logs, test, model)
     tell("fitting the base model")
     refined, simulations = refit(parts, model, steps=30)
@@ -152,13 +152,13 @@ def diagnose(
     first, now, outside = found.first, found.last, found.outside
     tell("measuring errors on untouched windows")
     steps = confirmed(found.fits, refined, found.steps, first.simulations[-1])
-    fits, start = freed(found.fits, records, refined.model)
+    fits, start = freed(found.fits, records, refined.model, test is not None)
     chain = chain_of(fits, start, steps)
     errors = free_run_errors(fits, chain, first.simulations[-1])
     last = chain[-1][1]
     steps.sort(key=lambda step: step.background)
     recording = told(records, fits, last)
-    last = with_unknown_hold(last, recording, fits.parts[0].log)
+    last = with_unknown_hold(last, recording, records[0].original)
     verdict, reason = _judge(steps, errors, outside, first, now)
     if verdict == "ambiguous":
         tell("looking for a motion that separates them")
