@@ -69,16 +69,12 @@ def freed(
     whole = [replace(record, log=ready(record, base, DENSE)) for record in records]
     logs, model, ends = with_free_clocks(whole, base)
     parts = divide(logs[: len(logs) - tested], logs[-1] if tested else None, base)
-    return Refits(
-        [
-            replace(
-                part,
-                weights=coarse.weights,
-                **({"ends": end} if part.windows(FIT).any() else {"log": record.log}),
-            )  # fmt: skip
-            for part, coarse, record, end in zip(parts, fits.parts, whole, ends, strict=True)
-        ]
-    ), model
+    chosen = []
+    for part, coarse, record, end in zip(parts, fits.parts, whole, ends, strict=True):
+        fitted = part.windows(FIT).any()
+        log = part.log if fitted else record.log
+        chosen.append(replace(part, log=log, weights=coarse.weights, ends=end if fitted else {}))
+    return Refits(chosen), model
 
 
 def told(records: list[Recording], fits: Refits, model: Model) -> tuple[Instrument, ...]:
