@@ -41,10 +41,13 @@ def torque_noise(log: Log) -> np.ndarray:
     """(n,) standard deviations of the noise of the measured torques, N m.
 
     Fast changes that do not follow from the measured wheel speeds: what the wheel loops make of the
-    noise of their encoders is a torque that the robot felt.  Voltages are known as commanded.
+    noise of their encoders is a torque that the robot felt, where rows are held.  Voltages are
+    known as commanded.
     """
     if log.drive != "torque":
         return np.zeros(log.command.shape[1])
+    if log.drive_noise is not None:
+        return log.drive_noise
     torque = second_differences(log, log.command)
     speed = second_differences(log, wheel_speeds(log))
     return np.array([

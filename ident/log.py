@@ -58,6 +58,8 @@ class Log:
         battery_voltage: (N,) V, or None.
         wheel_angle: (N, n) rad from the start of the record, where it was integrated before the
             log was cut or thinned; files have none.
+        drive_noise: (n,) standard deviations of the white noise of the drive's rows where the rows
+            are means of what was logged, which hides it; None where they can tell themselves.
         starts: samples at which a contiguous piece begins, the first being 0.
         findings: what the doctor noticed.
         recording: declared sensor effects with their values, by identifier; how a row came to be
@@ -77,6 +79,7 @@ class Log:
     pose: np.ndarray | None = None
     battery_voltage: np.ndarray | None = None
     wheel_angle: np.ndarray | None = None
+    drive_noise: np.ndarray | None = None
     starts: tuple[int, ...] = (0,)
     findings: tuple[Finding, ...] = ()
     recording: dict[str, dict[str, float]] = field(default_factory=dict)

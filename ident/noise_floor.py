@@ -21,7 +21,9 @@ def noise_floor(sim: Linearised, weights: np.ndarray) -> tuple[float, np.ndarray
     """
     log = sim.log
     shown = log.wheel_velocity if log.body_velocity is None else log.body_velocity
-    own, drive = white_variance(log, shown), white_variance(log, log.command)
+    own = white_variance(log, shown)
+    known = log.drive_noise
+    drive = white_variance(log, log.command) if known is None else known**2
     rng = np.random.default_rng(0)
     torque = np.sqrt(drive)[:, None] * rng.normal(size=(len(drive), sim.time.size))
     wrench = log.platform.jacobian_array.T @ torque

@@ -301,6 +301,7 @@ def _recording(log: Log, ahead: float, error: float, signed: bool) -> Recording:
         spread = max(log.dt, LEAST_SPREAD)
         if abs(ahead - before) < spread + SURE * error:
             ahead = (ahead * spread**2 + before * error**2) / (spread**2 + error**2)
+            error = error * spread / float(np.hypot(spread, error))
         earliest = 0.0 if kind is None else before
         if not signed:
             # Where the robot is late, or might as well be, rows count as what they usually are.

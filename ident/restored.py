@@ -10,6 +10,7 @@ import numpy as np
 from ident.dead_reckoning import bridged, dead_reckoning, wheel_angles
 from ident.log import Log
 from ident.recent import part_of
+from ident.white_noise import white_variance
 from youbot_env.dynamics import Theta
 from youbot_env.effects import Effect, get_effect
 from youbot_env.measurement import DriveInput, Rows
@@ -51,7 +52,11 @@ def _restored(log: Log, model: Model, values, angle: bool) -> Log:
     instruments = _instruments(log, model, values)
     if instruments:
         parts = [_undone(piece, instruments) for piece in log.pieces()]
-        log = replace(log, recording={}, **{
+        # A mean over an interval between two rows holds the slow part of their noise and hides it.
+        noise = log.drive_noise
+        if noise is None:
+            noise = np.sqrt(white_variance(log, log.command))
+        log = replace(log, recording={}, drive_noise=noise, **{
             name: np.concatenate([getattr(part, name) for part in parts])
             for name in ("wheel_velocity", "body_velocity", f"wheel_{log.drive}")
             if getattr(log, name) is not None

@@ -52,7 +52,9 @@ def thinned(log: Log, interval: float) -> Log:
         for name, value in values.items()
         if value is not None
     }
-    return replace(log, **means, starts=tuple(starts), recording=_recording(log))
+    # White noise has its slow part in common with rows that are farther apart and less noisy.
+    noise = None if log.drive_noise is None else log.drive_noise / np.sqrt(size)
+    return replace(log, **means, starts=tuple(starts), recording=_recording(log), drive_noise=noise)
 
 
 def _recording(log: Log) -> dict[str, dict[str, float]]:

@@ -50,9 +50,9 @@ def parse_effects(arguments: Iterable[str] | None) -> dict[str, dict[str, float]
                 raise ValueError(f"--effect {argument}: {name} is given twice; leave one out")
             effects[name] = None
             continue
-        chosen = get_effect(name).parameter_of(parameter if dot else first)
+        words = [word for known in get_effect(name).parameters for word in known.choices]
         try:
-            value = text if text in chosen.choices else float(text)
+            value = text if text in words else float(text)
         except ValueError:
             raise ValueError(
                 f"--effect {argument}: {text!r} is not a number; write {place}=VALUE, with a "

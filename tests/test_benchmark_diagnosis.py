@@ -72,7 +72,7 @@ def test_every_draw_is_possible_and_grows_with_its_amount(identifier):
 
 @pytest.mark.parametrize(
     "identifier",
-    ["wheel_coulomb_friction", "torque_gain", "actuator_delay", "torque_saturation",
+    ["wheel_coulomb_friction", "torque_gain", "actuator_lag", "torque_saturation",
      "floor_patches", "lugre_friction"],
 )  # fmt: skip
 def test_full_size_is_eight_percent_of_the_torque_and_a_quarter_a_quarter(identifier):
@@ -86,6 +86,14 @@ def test_full_size_is_eight_percent_of_the_torque_and_a_quarter_a_quarter(identi
     if not full.conditions.jitter:
         assert torque_share(full.fit, draw_robots(1, one(identifier, part=part, number=3)
                                                   .children(5)[0])[0]) > 0.9 * FULL  # fmt: skip
+
+
+def test_a_delay_stays_what_the_loops_can_bear():
+    recorded = record_case(one("actuator_delay", part="single", size=1.0, number=3))
+    (active,) = recorded.truth.effects
+    assert 0.01 < active.values["d"] < 0.1
+    assert recorded.share["actuator_delay"] < FULL
+    assert np.abs(recorded.fit.wheel_velocity).max() < 30.0
 
 
 def test_a_payload_stays_what_the_robot_can_carry():

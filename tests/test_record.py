@@ -241,7 +241,7 @@ def test_failed_write_leaves_the_old_log(record, monkeypatch):
 
 
 def test_overdriven_motion_is_told(record):
-    status, _, err = record("--speed", 2.5, "--seconds", 2, "--out", "log.csv")
+    status, _, err = record("--speed", 2.5, "--seconds", 8, "--out", "log.csv")
     assert status == 0
     assert "at its torque limit" in err
     assert "lower --speed" in err

@@ -38,9 +38,9 @@ def test_eased_motion_starts_at_rest_and_is_later_the_same(name):
     start, first = eased.sample(np.array([-0.1, 0.0]), 3), motion.sample(np.zeros(2), 3)
     np.testing.assert_array_equal(start.pose, first.pose)
     np.testing.assert_array_equal((start.rate, start.acceleration), 0.0)
-    late = np.linspace(0.8, 30.0, 200)
+    late = np.linspace(0.8, min([30.0, *motion.joints]) - 1.0, 200)  # before its parts join
     np.testing.assert_allclose(eased.sample(late, 3), motion.sample(late - 0.4, 3), atol=1e-12)
-    assert eased.duration == motion.duration + 0.4 + later
+    assert eased.duration == pytest.approx(motion.duration + 0.4 + later)
     at_once = Eased(of=motion, seconds=0.0)
     np.testing.assert_array_equal(at_once.sample(late, 3), motion.sample(late, 3))
 

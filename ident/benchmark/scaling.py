@@ -47,7 +47,8 @@ def amount_for(
         drive: records a robot without noise.
 
     Returns:
-        ``(amount, share reached)``; less than wanted where a bound stops the effect.
+        ``(amount, share reached)``; less than wanted where a bound stops the effect, or where the
+        wheel loops become unstable with more of it.
 
     Raises:
         ValueError: the effect does not reach the share, and no bound is in the way.
@@ -61,13 +62,15 @@ def amount_for(
 
     most = math.log(hidden.largest())
     place, slope, last = min(0.0, most), 1.0, None
-    low, high = -math.inf, math.inf
+    low, high, below = -math.inf, math.inf, 0.0
     for _ in range(TRIES):
         found = reached(math.exp(place))
         error = math.log(max(found, 1e-9) / share)
         if abs(error) < TOLERANCE or (place >= most and error < 0):
             return math.exp(place), found
-        low, high = (max(low, place), high) if error < 0 else (low, min(high, place))
+        if error < 0 and place > low:
+            low, below = place, found
+        high = min(high, place) if error >= 0 else high
         if last is not None and place != last[0]:
             slope = max((error - last[1]) / (place - last[0]), 0.3)
         last = (place, error)
@@ -77,6 +80,9 @@ def amount_for(
             place = 0.5 * (low + high)
     if abs(error) < 5 * TOLERANCE:
         return math.exp(last[0]), found
+    if high - low < LEAP / 100:
+        # A little more and the wheel loops, which a delay destabilises, shake the robot.
+        return math.exp(low), below
     raise ValueError(
         f"{hidden.effect.identifier}: a share of {share:.3g} of the torques is not reached, "
         f"the last try gave {found:.3g}"

@@ -154,7 +154,7 @@ def diagnose(
     steps = confirmed(found.fits, refined, found.steps, first.simulations[-1])
     fits, start = freed(found.fits, records, refined.model, test is not None)
     chain = chain_of(fits, start, steps)
-    errors = free_run_errors(fits, chain, first.simulations[-1])
+    errors = free_run_errors(fits, chain, fits.of(chain[0][1])[1][-1])
     last = chain[-1][1]
     steps.sort(key=lambda step: step.background)
     recording = told(records, fits, last)
