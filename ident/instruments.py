@@ -55,6 +55,11 @@ def without_instruments(model: Model) -> Model:
     return replace(robot, covariance=covariance.tolist())
 
 
+def without_late(model: Model) -> Model:
+    """The model less what makes the robot answer late to its drive, as a clock could."""
+    return replace(model, effects=tuple(a for a in model.effects if not a.effect.late))
+
+
 def stating(log: Log, effect: str, **values: float) -> Log:
     """The log with values of a sensor effect stated."""
     return replace(log, recording={**log.recording, effect: values})

@@ -52,6 +52,8 @@ WIDE = 2.0
 # agree with each other and where they do not: leads of simulated robots with effects that no
 # nuisance stands for (payload, sag, a patch of floor; slip, real rollers) were wrong by as much.
 ALIGNED = (0.1, 0.3)
+# Share of what was known beforehand to which the error of a known clock has come down.
+KNOWN = 0.25
 # Least standard deviation of what is known of a lead beforehand, s.
 LEAST_SPREAD = 0.01
 # Half widths beyond which a clock is not known, s.
@@ -155,6 +157,15 @@ class Recording:
     def others(self) -> tuple[Instrument, ...]:
         """What is known beyond hold and clock of the drive."""
         return (*declared(self.original), *self.witnessed)
+
+    @property
+    def known(self) -> bool:
+        """Whether the clock is known well enough not to be taken for a late robot."""
+        return self.error <= KNOWN * max(self.original.dt, LEAST_SPREAD)
+
+    def moved_from(self, other: Recording) -> bool:
+        """Whether the clock is known now and another than it was."""
+        return self.known and abs(self.lead - other.lead) > CLOSE
 
     def moved(self) -> Log:
         """The log as it would be with a lead one standard error larger."""

@@ -53,4 +53,4 @@ def test_a_dense_record_is_diagnosed_like_any_other():
     assert [step.best.identifier for step in found.named] == ["wheel_coulomb_friction"]
     size = found.named[0].sizes(found.model)["fc"]
     assert size.value == pytest.approx(0.15, rel=0.02)
-    assert found.first.parts[0].log.dt == pytest.approx(0.01)
+    assert found.first.parts[0].log.dt == pytest.approx(0.02)

@@ -32,6 +32,8 @@ EACH = 8
 STEPS, PATIENT = 8, 16
 # What a step removes when it was the last one worth taking; less care suffices to compare effects.
 TOLERANCE, ROUGH, FINE = 1e-5, 1e-3, 1e-6
+# Share of the squared error on its first part that another record's own values must remove.
+DIFFERS = 0.02
 # Values without a derivative: looks, and how close to come, as a share of the search range.
 LOOKS, CLOSE = 9, 0.002
 
@@ -110,7 +112,8 @@ def refit(
 def adopted(part: Part, model: Model) -> Model:
     """A robot's model with what belongs to the record fitted to the windows for choosing.
 
-    The robot's own values stay; so does everything where there are no such windows.
+    The robot's own values stay; so does everything where there are no such windows, or where they
+    do not show that this record differs from the fitted one.
     """
     model, choosing = adapted(model, part.log), part.windows(SELECT)
     own = {
@@ -121,11 +124,13 @@ def adopted(part: Part, model: Model) -> Model:
     if not own or not choosing.any():
         return model
     smooth = tuple(own.intersection(smooth_names(model)))
+    placed = model
     for name in sorted(own.difference(smooth)):
-        model = _best_of_profile(part, model, name)
-    fitted = refine([part.log], model, smooth, iterations=STEPS, keep=[choosing],
-                    weights=[part.weights], tolerance=ROUGH, intervals=False)  # fmt: skip
-    return fitted.model
+        placed = _best_of_profile(part, placed, name)
+    options = {"keep": [choosing], "weights": [part.weights], "intervals": False}
+    fitted = refine([part.log], placed, smooth, iterations=STEPS, tolerance=ROUGH, **options)
+    before = refine([part.log], model, smooth, iterations=0, **options)
+    return fitted.model if fitted.cost[1] < (1.0 - DIFFERS) * before.cost[1] else model
 
 
 def _best_of_profile(part: Part, model: Model, name: str) -> Model:

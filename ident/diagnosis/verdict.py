@@ -15,13 +15,14 @@ from ident.diagnosis.power import Reach, reach
 from ident.diagnosis.records import freed, ready, recordings, told, with_unknown_hold
 from ident.diagnosis.rivals import refit
 from ident.diagnosis.rounds import REMAINDER, UNEXPLAINED, Round
-from ident.diagnosis.search import search
+from ident.diagnosis.search import Search, search
 from ident.diagnosis.shortlist import LEAST_GAIN
-from ident.diagnosis.steps import Step, chain_of
+from ident.diagnosis.steps import Step, chain_of, with_steps
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
-from ident.instruments import without_instruments
+from ident.instruments import without_instruments, without_late
 from ident.log import Log
-from ident.recording import Instrument
+from ident.output_error import OutputError
+from ident.recording import Instrument, Recording
 from ident.thinning import SEARCHED
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
@@ -140,15 +141,15 @@ def diagnose(
     tell("finding out how the logs were recorded")
     model = without_instruments(model)
     records = recordings(logs, test, model)
-    *logs, test = [ready(r, model, SEARCHED) for r in records] + ([None] if test is None else [])
-    parts = divide(logs, test, model)
-    tell("fitting the base model")
-    refined, simulations = refit(parts, model, steps=30)
-    weighed = weigh(parts, simulations)
-    if weighed is not parts:
-        parts = weighed
-        refined, simulations = refit(parts, refined.model)
-    found = search(parts, refined, simulations, dependences(everything), seed, tell)
+    found, refined = _searched(records, model, test is not None, seed, tell)
+    if found.steps and found.first.wheels_agree and not all(one.known for one in records):
+        # What was found may tell more of a clock than the usual nuisances did; where that changes
+        # it, what was found rests on a wrong one.  Rolling leaves too much for that.
+        tell("finding out again how the logs were recorded")
+        again = recordings(logs, test, without_late(with_steps(refined.model, found.steps)))
+        if any(new.moved_from(old) for new, old in zip(again, records, strict=True)):
+            records = again
+            found, refined = _searched(records, model, test is not None, seed, tell)
     first, now, outside = found.first, found.last, found.outside
     tell("measuring errors on untouched windows")
     steps = confirmed(found.fits, refined, found.steps, first.simulations[-1])
@@ -179,6 +180,21 @@ def diagnose(
         chain=tuple((name, without_instruments(model)) for name, model in chain),
         models=tuple(fits.models(model) for _, model in chain),
     )
+
+
+def _searched(
+    records: list[Recording], model: Model, tested: bool, seed: int, tell: Callable[[str], None]
+) -> tuple[Search, OutputError]:
+    """Look for what is missing in logs whose recording is known, and the base model for that."""
+    logs = [ready(record, model, SEARCHED) for record in records]
+    parts = divide(logs[: len(logs) - tested], logs[-1] if tested else None, model)
+    tell("fitting the base model")
+    refined, simulations = refit(parts, model, steps=30)
+    weighed = weigh(parts, simulations)
+    if weighed is not parts:
+        parts = weighed
+        refined, simulations = refit(parts, refined.model)
+    return search(parts, refined, simulations, dependences(logs), seed, tell), refined
 
 
 def _next_record(verdict: str, steps: list[Step], last: Round) -> Experiment | None:
