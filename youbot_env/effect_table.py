@@ -16,7 +16,9 @@ Each effect is one file in `youbot_env/effects`. The identifier is its name on t
 model files and in JSON. The link says where in the chain from torque command to sensor it acts.
 Parameters are given with unit, typical size and bounds; *linear* ones enter the law linearly,
 so that the law at one is their column in a regression. *Per wheel* means that each wheel may have
-its own value. Signs: a torque or wrench written here is added to that of the drive.
+its own value. What is *of the record* belongs to one log (its floor, its load, its instruments),
+all else goes with the robot. Effects of the link *sensor* leave the robot as it is: they say how
+the rows of a log came to be. Signs: a torque or wrench written here is added to that of the drive.
 Symbols: wheel speed φ', roller rate γ', shaft torque M, body velocity V and Ω, heading ψ.
 """
 
@@ -46,7 +48,10 @@ def _row(effect: Effect) -> tuple[str, ...]:
 def _parameter(parameter) -> str:
     unit = f" {parameter.unit}" if parameter.unit else ""
     low, high = parameter.bounds
+    if parameter.choices:
+        return f"`{parameter.name}` {parameter.meaning}: {', '.join(parameter.choices)}"
     kinds = ["linear"] * parameter.linear + ["per wheel"] * parameter.per_wheel
+    kinds += ["of the record"] * (parameter.scope == "record")
     kind = f" ({', '.join(kinds)})" if kinds else ""
     return (
         f"`{parameter.name}` {parameter.meaning}{kind}: "
