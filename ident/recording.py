@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ident.contradiction import wheels_agree
-from ident.doctor.odometry import pose_against_wheels
+from ident.doctor.odometry import body_against, pose_against_wheels
 from ident.free_values import FreeValues
 from ident.instruments import (
     HOLD,
@@ -46,6 +46,8 @@ ENOUGH = 120.0
 # Wheel speeds that come later than the pose by this much, s, and by so many standard errors, are
 # late: simulated robots with rollers and creep stay below a third of it.
 LAG, LATE, CERTAIN = "velocity_filter", 2e-3, 4.0
+# Angles, rad, places, m, and biases, rad/s, of a body-velocity sensor that are worth a word.
+NOTICED = {"angle": 5e-3, "px": 5e-3, "py": 5e-3, "b": 1e-3}
 # Half width of a 95 % interval in standard errors.
 WIDE = 2.0
 # Of what a model leaves unexplained this share may lie along the trace of a lead, where the wheels
@@ -58,6 +60,8 @@ KNOWN = 0.25
 LEAST_SPREAD = 0.01
 # Half widths beyond which a clock is not known, s.
 VAGUE = 8e-3
+# Free-run errors remember each other for about this time, s.
+MEMORY = 0.3
 # Steps that lower the squares by less than this share do not move a lead.
 ENOUGH_LESS = 1e-4
 # Effects that are fitted beside a lead so that it need not stand for them; those with a value for
@@ -198,7 +202,9 @@ def _by_pose(log: Log) -> tuple[Log, tuple[Instrument, ...]]:
     A pose shows what has happened and is never early: against it speeds can only be too late.
     Where the pose is late itself nothing is said.
     """
-    shown = log.pose is not None and log.wheel_velocity is not None and log.body_velocity is None
+    if log.body_velocity is not None:
+        return _body_sensor(log)
+    shown = log.pose is not None and log.wheel_velocity is not None
     if not shown or LAG in log.recording:
         return log, ()
     seen = pose_against_wheels(log)
@@ -215,6 +221,40 @@ def _by_pose(log: Log) -> tuple[Log, tuple[Instrument, ...]]:
     )
     said = Instrument(LAG, "T", late, "s", (late - half, late + half), "estimated", log.name, words)
     return stating(log, LAG, T=late), (said,)
+
+
+def _body_sensor(log: Log) -> tuple[Log, tuple[Instrument, ...]]:
+    """The log with mounting and bias of its body-velocity sensor, as its wheels or pose show them.
+
+    Kinematics show them whatever forces act; what they leave open diagnosis looks for.
+    """
+    # Rollers and slip stand between the wheels and the motion, nothing between it and a pose.
+    source = "wheels" if log.pose is None else "pose"
+    if source == "wheels" and log.wheel_velocity is None:
+        return log, ()
+    seen = body_against(log, source)
+    if seen is None:
+        return log, ()
+    # Of the wheels against the sensor, and of the sensor against the pose, signs are opposite.
+    sign = -1.0 if source == "wheels" else 1.0
+    values = {
+        ("sensor_mounting", "angle"): (seen.angle, sign),
+        ("sensor_mounting", "px"): (seen.lever_x, -sign),
+        ("sensor_mounting", "py"): (seen.lever_y, -sign),
+        ("gyro_bias", "b"): (seen.bias, -sign),
+    }
+    told, declared_before = [], set(log.recording)
+    for (name, flat), (estimate, turn) in values.items():
+        effect = get_effect(name)
+        if name in declared_before:
+            continue
+        least = NOTICED[flat]
+        if not estimate.known or abs(estimate.value) < max(least, CERTAIN * estimate.se):
+            continue
+        stated = log.recording.get(name, {p.name: 0.0 for p in effect.parameters})
+        log = stating(log, name, **{**stated, flat: turn * estimate.value})
+        told.append(plain(log, effect, flat, turn * estimate.value, estimate.se))
+    return log, tuple(told)
 
 
 def _find_clocks(logs: list[Log], model: Model, signed: bool) -> list[Recording]:
@@ -295,8 +335,11 @@ def lead(fit: OutputError, number: int) -> tuple[float, float]:
     floor = noise_floor(sim, scaled.weights[0])[0]
     left = max(2 * scaled.cost - len(scaled.error) * floor, 0.0)
     share = ALIGNED[0 if wheels_agree(sim.log) else 1]
-    bias = share * np.sqrt(left) / max(float(np.linalg.norm(alone)), 1e-300)
-    return ahead, float(np.hypot(np.sqrt(fit.covariance[place, place]), bias))
+    size = max(float(np.linalg.norm(alone)), 1e-300)
+    # Few windows may agree by chance; errors that remember each other for a while set a limit.
+    memory = np.sqrt(max(MEMORY / sim.log.dt, 1.0)) * np.sqrt(2 * scaled.cost / len(scaled.error))
+    scatter = max(float(np.sqrt(fit.covariance[place, place])), memory / size)
+    return ahead, float(np.hypot(scatter, share * np.sqrt(left) / size))
 
 
 def _recording(log: Log, ahead: float, error: float, signed: bool) -> Recording:
@@ -318,6 +361,8 @@ def _recording(log: Log, ahead: float, error: float, signed: bool) -> Recording:
             # Where the robot is late, or might as well be, rows count as what they usually are.
             late = earliest - ahead > max(CLOSE, SURE * error)
             ahead = before if late or error > 0.5 * spread else max(ahead, earliest)
+            if late:  # whose fault that is nobody knows, nor then what a row stands for
+                error = max(error, 0.5 * before)
     said = clock(log, ahead, error)
     hold = float(HOLDS.index(said[0].value))
     told = stating(stating(log, HOLD, kind=hold), OFFSET, d=float(said[1].value))

@@ -179,6 +179,8 @@ def output_weights(log: Log) -> np.ndarray:
 
 
 def _least_squares(columns: np.ndarray, error: np.ndarray, damping: float) -> np.ndarray:
+    if not columns.shape[1]:
+        return np.zeros(0)
     scale = np.linalg.norm(columns, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
     # Inner products of tall columns take a tenth of the time of their decomposition, and a step

@@ -34,6 +34,8 @@ STEPS, PATIENT = 8, 16
 TOLERANCE, ROUGH, FINE = 1e-5, 1e-3, 1e-6
 # Share of the squared error on its first part that another record's own values must remove.
 DIFFERS = 0.02
+# Distance from a bound, in typical sizes, that is none.
+AT_BOUND = 0.02
 # Values without a derivative: looks, and how close to come, as a share of the search range.
 LOOKS, CLOSE = 9, 0.002
 
@@ -62,6 +64,16 @@ class Candidate:
     def late(self) -> bool:
         """Whether the effect makes the robot answer late to its drive."""
         return get_effect(self.identifier).late
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether a value in which the law is not linear has run into its bound."""
+        effect = get_effect(self.identifier)
+        curved = [(effect.parameter_of(n), v) for n, v in self.values.items()]
+        return any(
+            not p.linear and min(v - p.bounds[0], p.bounds[1] - v) < AT_BOUND * abs(p.default)
+            for p, v in curved
+        )
 
     @property
     def model(self) -> Model:
@@ -267,8 +279,12 @@ def ranked(found: list[Candidate], role: np.ndarray, before: np.ndarray) -> list
     losses = {id(c): c.loss / scale for c in found}
     group = _alike(found, losses, role == SELECT) if np.any(role == SELECT) else found
     group = _alike(group, losses, role != VERIFY)
-    # A law with a spare parameter that is not needed is the law without it.
+    # A law with a spare parameter that is not needed is the law without it; one that lies at its
+    # bound may stand for something else about that.
     best = group[0].identifier
+    if group[0].at_bound:
+        special = get_effect(best).contains
+        group = group + [c for c in found if c.identifier in special and c not in group]
     return [c for c in group if best not in get_effect(c.identifier).contains]
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import stats
 
 from ident.contradiction import wheels_agree
 from ident.diagnosis.dependence import Dependence
@@ -15,8 +16,10 @@ from ident.diagnosis.parts import FIT, SELECT, Part
 from ident.diagnosis.rivals import Candidate, candidate, ranked, window_losses
 from ident.diagnosis.shortlist import LEAST_GAIN, SIGNIFICANT, Shortlist, gain_of
 from ident.diagnosis.trials import Trial, trials
+from ident.free_run import cut_windows
+from ident.log import Log
 from ident.noise_floor import noise_floor
-from ident.sensitivity import Linearised
+from ident.sensitivity import Linearised, window_length
 from youbot_env.model import Model
 
 # A dependence that removes this share of the error while no effect passes, or that leaves less
@@ -25,6 +28,8 @@ TELLING, OUTSIDE = 0.15, 0.6
 # Where the wheels agree with each other: errors from this many times the noise on are not noise,
 # and effects that leave more than this share of such an error are not what is missing.
 UNEXPLAINED, REMAINDER = 3.0, 0.3
+# Chance below which the error of windows goes with how the robot moves in them.
+STEADY = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +92,28 @@ class Round:
         """The trials, judged."""
         return Shortlist(self.evidence, self.gains, self.p, self.error, self.floor, self.origin,
                          self.wheels_agree)  # fmt: skip
+
+    @property
+    def logs(self) -> list[Log]:
+        """The logs."""
+        return [part.log for part in self.parts]
+
+    @property
+    def steady(self) -> bool:
+        """Whether the error of the fitted windows has nothing to do with how the robot moves.
+
+        Windows in which the robot moves faster, or is driven harder, then have no more of it.
+        """
+        squares = []
+        for part in self.parts:
+            index = cut_windows(part.log, self.model, window_length(part.log)).index
+            motion = part.log.velocity() / part.log.velocity().std(axis=0)
+            drive = part.log.command / part.log.command.std()
+            squares += [[np.mean(x[rows] ** 2) for x in (motion, drive)] for rows in index]
+        fitted = self.evidence.role == FIT
+        loss, squares = self.loss[fitted], np.array(squares)[fitted]
+        chances = [stats.spearmanr(loss, column).pvalue for column in squares.T]
+        return bool(min(chances) > STEADY and loss.std() < loss.mean())
 
     @property
     def model(self) -> Model:

@@ -18,12 +18,14 @@ from ident.diagnosis.rounds import REMAINDER, UNEXPLAINED, Round
 from ident.diagnosis.search import Search, search
 from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, chain_of, with_steps
+from ident.diagnosis.trials import effect_unreadable
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
 from ident.output_error import OutputError
 from ident.recording import Instrument, Recording
 from ident.thinning import SEARCHED
+from youbot_env.effects import get_effect
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
@@ -224,10 +226,23 @@ def _judge(
     rolling = not first.wheels_agree
     if outside:
         return "outside_library", f"the error depends on {signals}, as no effect explains"
+    told = bool(last.dependences())
     if not real and not rolling and last.excess > UNEXPLAINED * last.floor:
-        return "outside_library", (
-            f"the free-run error, {100 * errors.before:.3g} %, is far above the "
-            f"{100 * errors.floor:.3g} % of noise, and no effect lowers it; it depends on {signals}"
+        far = (
+            f"the free-run error, {100 * errors.after:.3g} %, is far above the "
+            f"{100 * errors.floor:.3g} % of white noise, and no effect lowers it"
+        )
+        if told:
+            return "outside_library", f"{far}; it depends on {signals}"
+        # What depends on nothing and is there all the time is no law of the robot.
+        if last.steady:
+            return "nothing_missing", (
+                f"{far}; it depends on no signal that was tried and is alike at all times: lasting "
+                "noise of the drive"
+            )
+        return "cannot_say", (
+            f"{far}, and it depends on no signal that was tried; record the same motion twice, "
+            "which shows what repeats"
         )
     if not real:
         background = "".join(
@@ -238,15 +253,25 @@ def _judge(
             f"no effect removes {100 * LEAST_GAIN:.0f} % of the squared error where it was not "
             f"fitted{background}"
         )
-    if errors.remaining[-1] >= 1.0:
+    if errors.remaining[-1] >= 1.0 or errors.after >= errors.before:
         return "cannot_say", (
             f"{names} fit, but not what was kept for the end ({fall}); record another motion"
         )
-    if not rolling and left > REMAINDER and clear:
+    if not rolling and left > REMAINDER and clear and told:
         return "outside_library", (
             f"{names} fit best, but leave {100 * left:.0f} % of what noise does not explain; the "
             f"wheels agree, so it is not the rollers; it depends on {signals}"
         )
+    for step in real:
+        for rival in get_effect(step.best.identifier).confusables:
+            why = next(filter(None, map(effect_unreadable(get_effect(rival)), last.logs)), "")
+            if why and get_effect(rival).link != "sensor":
+                return "cannot_say", (
+                    f"{names} fits, but {rival}, which looks alike, could not be tried: {why} "
+                    f"({fall})"
+                )
+    if not rolling and left > REMAINDER and clear:
+        fall += f"; {100 * left:.0f} % of what white noise does not explain stays unexplained"
     doubtful = [step for step in real if len(step.group) > 1]
     if doubtful:
         return "ambiguous", f"{', '.join(doubtful[0].group)} explain the log alike; {fall}"
