@@ -13,7 +13,9 @@ from ident.estimators import (
     reference_motion,
 )
 from ident.log import Log
+from ident.observability import column_noise
 from ident.recording import Recording
+from ident.recursive import sample_times
 from ident.regression import Regression, build_regression
 from ident.seen import Seen
 from youbot_env.model import Model
@@ -60,11 +62,14 @@ class LinearEstimation:
     def of(self, records: list[Recording], regression: Regression) -> dict[str, Estimate]:
         """As ``solve``, with covariances that hold the errors of the logs' clocks.
 
-        Each is moved by a standard error in turn.
+        Each is moved by a standard error in turn.  That of least squares also holds what noise in
+        the regressors does to it, which no scatter shows.
         """
         logs = [record.log for record in records]
         found = self.solve(logs, regression)
         extra = {method: np.zeros_like(one.covariance) for method, one in found.items()}
+        pulled = self._attenuation(regression, found["least squares"].values)
+        extra["least squares"] += np.outer(pulled, pulled)
         for number, record in enumerate(records):
             if not record.error:
                 continue
@@ -78,6 +83,19 @@ class LinearEstimation:
             method: replace(one, covariance=one.covariance + extra[method])
             for method, one in found.items()
         }
+
+    def _attenuation(self, regression: Regression, values: np.ndarray) -> np.ndarray:
+        """(k,) by how much noise in the columns pulls least squares toward nothing.
+
+        Of the Gramian ``H'H`` a part N is noise of the columns; the estimate is then short by about
+        ``(H'H)^-1 N theta``.
+        """
+        basis, noise = self.seen.basis, column_noise(regression)
+        weights = sample_times(regression)
+        seen = regression.H @ basis
+        gramian = np.einsum("n,nap,naq->pq", weights, seen, seen)
+        theta = self.seen.start + basis @ values
+        return np.linalg.lstsq(gramian, basis.T @ noise @ theta, rcond=None)[0]
 
 
 def _instrumented(regression: Regression, rows: np.ndarray, clusters: int) -> Estimate | None:
