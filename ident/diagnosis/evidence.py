@@ -29,6 +29,8 @@ from youbot_env.model import Model
 BLOCKS = 4
 # Shrinks the coefficients of dependences, which have many.
 RIDGE = 1e-3
+# Share of squared error by which a dependence is plain.
+PLAIN = 0.5
 # Coefficients of laws that are not linear, in units of the size that the trace was made for.
 NEAR = (0.6, 1.6)
 # Parameters of the robot move at most by these factors in one linear step.
@@ -217,6 +219,10 @@ class Evidence:
         for way in filter(None, ways):
             after = sum(self._beyond(part, beside).loss(mine, ridge, ends) for part in way)
             gains.append(1.0 - after / sum(part.before for part in way))
+        # A generic function that explains most of a motion it was not fitted to need not hold in
+        # size on another one; that it does not spoil that is enough.
+        if self.dependence(number) is not None and gains[0] > PLAIN and gains[-1] > 0.0:
+            return gains[0]
         return min(gains)
 
     def ends(self, number: int) -> tuple[float, float]:

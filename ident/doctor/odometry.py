@@ -24,6 +24,7 @@ SECONDS = 1.0  # between the ends of a window
 AVERAGED = 0.04  # s to either side, over which both ends are averaged: noise of the pose
 OVERLAP = 4  # windows that begin within one window
 CLUSTERS, FEWEST_CLUSTERS = 40, 6  # standard errors from fewer say nothing
+FAR = 0.01  # s, shift beyond which its second order counts
 ROUNDS = 3  # the shift multiplies the scales, and each axis is weighed by its residual
 MOVED = 0.02  # rms of an axis over that of the busiest (yaw at the radius of the wheels): at rest
 AFAR = 1e8  # of an information matrix with unit diagonal, condition beyond which nothing is said
@@ -122,7 +123,16 @@ def velocity_against(
 def pose_against_wheels(log) -> Kinematic | None:
     """Pose of a log against its wheel speeds; ``log`` is a ``Log``."""
     rolled = wheel_twist(log.wheel_velocity, log.platform)
-    return pose_against(log.time, log.pose, rolled, log.starts, log.platform.reach)
+    seen = pose_against(log.time, log.pose, rolled, log.starts, log.platform.reach)
+    if seen is None or not seen.shift.known or abs(seen.shift.value) < FAR:
+        return seen
+    # A shift enters linearly where it is short; a long one is taken out and looked at again.
+    first = seen.shift.value
+    moved = [np.interp(log.time - first, log.time, column) for column in rolled.T]
+    again = pose_against(
+        log.time, log.pose, np.stack(moved, axis=1), log.starts, log.platform.reach
+    )
+    return again._replace(shift=Estimate(first + again.shift.value, again.shift.se))
 
 
 def body_against(log, source: str = "wheels") -> Kinematic | None:
