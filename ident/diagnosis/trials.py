@@ -116,13 +116,18 @@ def effect_unreadable(effect: Effect) -> Callable[[Log], str]:
             return "only a measured pose shows it"
         if effect.channel and getattr(log, effect.channel) is None:
             return f"the log has no {effect.channel.replace('_', ' ')}"
-        if effect.needs_pose and unknown_pose(log):
-            return "the heading is unknown behind a gap; log a pose"
-        if effect.needs_wheel_angle and unknown_wheel_angle(log):
-            return "the wheels' angles are unknown behind a gap"
-        return ""
+        return behind_gap(effect, log)
 
     return reason
+
+
+def behind_gap(effect: Effect, log: Log) -> str:
+    """Tell what a gap in a log keeps an effect from being judged by; empty where none does."""
+    if effect.needs_pose and unknown_pose(log):
+        return "the heading is unknown behind a gap; log a pose"
+    if effect.needs_wheel_angle and unknown_wheel_angle(log):
+        return "the wheels' angles are unknown behind a gap"
+    return ""
 
 
 def _forms(effect: Effect, model: Model, log: Log, orders: tuple) -> Iterator[Trial]:

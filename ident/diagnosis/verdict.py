@@ -18,7 +18,7 @@ from ident.diagnosis.rounds import REMAINDER, UNEXPLAINED, Round
 from ident.diagnosis.search import Search, search
 from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, chain_of, with_steps
-from ident.diagnosis.trials import effect_unreadable
+from ident.diagnosis.trials import behind_gap
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
@@ -257,21 +257,19 @@ def _judge(
         return "cannot_say", (
             f"{names} fit, but not what was kept for the end ({fall}); record another motion"
         )
-    if not rolling and left > REMAINDER and clear and told:
+    if not rolling and left > REMAINDER and clear:
         return "outside_library", (
             f"{names} fit best, but leave {100 * left:.0f} % of what noise does not explain; the "
             f"wheels agree, so it is not the rollers; it depends on {signals}"
         )
     for step in real:
         for rival in get_effect(step.best.identifier).confusables:
-            why = next(filter(None, map(effect_unreadable(get_effect(rival)), last.logs)), "")
-            if why and get_effect(rival).link != "sensor":
+            why = next(filter(None, (behind_gap(get_effect(rival), log) for log in last.logs)), "")
+            if why:
                 return "cannot_say", (
                     f"{names} fits, but {rival}, which looks alike, could not be tried: {why} "
                     f"({fall})"
                 )
-    if not rolling and left > REMAINDER and clear:
-        fall += f"; {100 * left:.0f} % of what white noise does not explain stays unexplained"
     doubtful = [step for step in real if len(step.group) > 1]
     if doubtful:
         return "ambiguous", f"{', '.join(doubtful[0].group)} explain the log alike; {fall}"
