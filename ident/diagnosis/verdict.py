@@ -234,15 +234,16 @@ def _judge(
         )
         if told:
             return "outside_library", f"{far}; it depends on {signals}"
-        # What depends on nothing and is there all the time is no law of the robot.
-        if last.steady:
-            return "nothing_missing", (
-                f"{far}; it depends on no signal that was tried and is alike at all times: lasting "
-                "noise of the drive"
-            )
+        # Lasting noise of the drive does not go with the motion; something that swings by itself
+        # need not either.
+        like = (
+            "it is alike at all times, as lasting noise of the drive is, or something that swings"
+            if last.steady
+            else "it goes with the motion"
+        )
         return "cannot_say", (
-            f"{far}, and it depends on no signal that was tried; record the same motion twice, "
-            "which shows what repeats"
+            f"{far}; it depends on no signal that was tried, and {like}; record the same motion "
+            "twice, which shows what repeats"
         )
     if not real:
         background = "".join(
