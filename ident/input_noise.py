@@ -16,7 +16,7 @@ import numpy as np
 
 from ident.dead_reckoning import wheel_speeds
 from ident.log import Log
-from ident.white_noise import AMPLIFIED, second_differences, spread
+from ident.white_noise import AMPLIFIED, second_differences, spread, white_variance
 
 # Drawings of noise; each serves twice, with either sign, so that all but the bias cancels.
 PAIRS = 2
@@ -37,6 +37,25 @@ def noisier(logs: list[Log], pairs: int = PAIRS) -> Iterator[list[Log]]:
             yield [_with_noise(log, sign * n) for log, n in zip(logs, noise, strict=True)]
 
 
+def noisier_loops(log: Log) -> Iterator[Log]:
+    """A log with as much noise as its own of wheel speeds, and what its loops make of it, twice.
+
+    Where a row of the drive shows an instant, the torque that answers an error of the encoders was
+    not felt as long as the row lasts, but is there in the same row as that error.
+    """
+    if log.drive != "torque" or log.wheel_velocity is None:
+        return
+    gain, _ = _loops(log)
+    rng = np.random.default_rng(0)
+    drawn = rng.normal(size=log.wheel_velocity.shape)
+    noise = np.sqrt(white_variance(log, log.wheel_velocity)) * drawn
+    before = np.concatenate([np.zeros((1, noise.shape[1])), noise[:-1]])
+    torque = gain[:, 0] * noise + gain[:, 1] * before
+    for sign in (1.0, -1.0):
+        yield replace(log, wheel_velocity=log.wheel_velocity + sign * noise,
+                      wheel_torque=log.wheel_torque + sign * torque)  # fmt: skip
+
+
 def torque_noise(log: Log) -> np.ndarray:
     """(n,) standard deviations of the noise of the measured torques, N m.
 
@@ -48,21 +67,29 @@ def torque_noise(log: Log) -> np.ndarray:
         return np.zeros(log.command.shape[1])
     if log.drive_noise is not None:
         return log.drive_noise
+    return _loops(log)[1]
+
+
+def _loops(log: Log) -> tuple[np.ndarray, np.ndarray]:
+    """What wheel loops make of noise: gains (n, 2) on the speeds of a row and the one before.
+
+    And (n,) spreads of the white part of torques that is no linear function of the speeds.
+    """
     torque = second_differences(log, log.command)
     speed = second_differences(log, wheel_speeds(log))
-    return np.array([
-        _left(torque[1:, k], np.stack([speed[1:, k], speed[:-1, k]], axis=1))
+    found = [
+        _answer(torque[1:, k], np.stack([speed[1:, k], speed[:-1, k]], axis=1))
         for k in range(torque.shape[1])
-    ])  # fmt: skip
+    ]
+    return np.array([gain for gain, _ in found]), np.array([left for _, left in found])
 
 
-def _left(torque: np.ndarray, speeds: np.ndarray) -> float:
-    """Spread of the white part of a torque that is no linear function of the speeds (N, 2)."""
+def _answer(torque: np.ndarray, speeds: np.ndarray) -> tuple[np.ndarray, float]:
     usual = np.all([np.abs(x) <= STEP * spread(x) for x in (torque, *speeds.T)], axis=0)
     if np.count_nonzero(usual) < 2 * speeds.shape[1]:
-        return 0.0
+        return np.zeros(2), 0.0
     gain = np.linalg.lstsq(speeds[usual], torque[usual])[0]
-    return float(spread(torque - speeds @ gain) / np.sqrt(AMPLIFIED))
+    return gain, float(spread(torque - speeds @ gain) / np.sqrt(AMPLIFIED))
 
 
 def _with_noise(log: Log, noise: np.ndarray) -> Log:

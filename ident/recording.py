@@ -18,6 +18,7 @@ import numpy as np
 from ident.contradiction import wheels_agree
 from ident.doctor.odometry import body_against, pose_against_wheels
 from ident.free_values import FreeValues
+from ident.input_noise import noisier_loops
 from ident.instruments import (
     HOLD,
     OFFSET,
@@ -34,6 +35,7 @@ from ident.noise_floor import noise_floor
 from ident.output_error import OutputError, refine
 from ident.scaled_fit import ScaledFit
 from ident.thinning import SEARCHED, thinned
+from youbot_env import dynamics
 from youbot_env.effects import Effect, get_effect
 from youbot_env.measurement import AVERAGED, HELD, HOLDS, SAMPLED
 from youbot_env.model import Model
@@ -58,6 +60,9 @@ ALIGNED = (0.1, 0.3)
 KNOWN = 0.25
 # Least standard deviation of what is known of a lead beforehand, s.
 LEAST_SPREAD = 0.01
+# Of half of what noise in the wheel loops may do to a clock this share is its error, in standard
+# errors: whether rows are held or show instants, of which it does so, is not known by then.
+FELT = 1.0
 # Half widths beyond which a clock is not known, s.
 VAGUE = 8e-3
 # Free-run errors remember each other for about this time, s.
@@ -265,7 +270,30 @@ def _find_clocks(logs: list[Log], model: Model, signed: bool) -> list[Recording]
         fit = refine(sparse, rich, tolerance=ENOUGH_LESS, smooth=True, draws=1)
     except ValueError:  # no window is contiguous: the recording stays what it usually is
         return [_recording(log, lead_of(SAMPLED, log.dt), 0.0, signed) for log in logs]
-    return [_recording(log, *lead(fit, k), signed) for k, log in enumerate(logs)]
+    found = [
+        (ahead - pulled, float(np.hypot(error, abs(pulled) * FELT)))
+        for k, log in enumerate(logs)
+        for (ahead, error), pulled in [(lead(fit, k), _pulled_by_loops(fit, k, log))]
+    ]
+    return [_recording(log, *one, signed) for log, one in zip(logs, found, strict=True)]
+
+
+def _pulled_by_loops(fit: OutputError, number: int, log: Log) -> float:
+    """How far the noise that wheel loops answer to may have pulled a lead, s; half of it.
+
+    As much noise once more, in speeds and in torques as the loops answer to it, pulls as far again.
+    It does so where rows show instants, not where they are held: the robot felt it then.
+    """
+    model = fit.models[number]
+    if SHIFT in stated(model, log):
+        return 0.0
+    at = model.names().index(SHIFT)
+    free = FreeValues.of(model, None, None, [set(stated(model, log))])
+    steps = [
+        ScaledFit.at([sparsely(one)], [model], None, smooth=True).step(free, 0.0)[0][at]
+        for one in (exciting(log), *noisier_loops(exciting(log)))
+    ]
+    return 0.5 * float(np.mean(steps[1:]) - steps[0]) if steps[1:] else 0.0
 
 
 def with_free_clocks(
@@ -324,6 +352,7 @@ def lead(fit: OutputError, number: int) -> tuple[float, float]:
     ahead = model.values()[at] + lead_of(hold_of(sim.raw, model), sim.raw.dt)
     if SHIFT in stated(model, sim.raw):
         return ahead, 0.0
+    ahead -= _flattened(model, sim.raw.dt)
     scaled = ScaledFit.at([sim.raw], [model], None)
     free = FreeValues.of(model, None, None, [set(stated(model, sim.raw))])
     columns = scaled.columns(free) @ free.directions[free.moving]
@@ -340,6 +369,18 @@ def lead(fit: OutputError, number: int) -> tuple[float, float]:
     memory = np.sqrt(max(MEMORY / sim.log.dt, 1.0)) * np.sqrt(2 * scaled.cost / len(scaled.error))
     scatter = max(float(np.sqrt(fit.covariance[place, place])), memory / size)
     return ahead, float(np.hypot(scatter, share * np.sqrt(left) / size))
+
+
+def _flattened(model: Model, dt: float) -> float:
+    """Lead that a fit makes up because torques are held through a row, s.
+
+    Of a torque that rises within a row more comes late, when less of it has faded by the row's end,
+    than of its mean: to first order as if it came earlier by dt^2 / 12 times the rate of fading.
+    """
+    inertia = dynamics.prepare(model.platform.geometry, model.parameters.theta(model.platform))
+    units = np.eye(3).tolist()
+    rates = [-dynamics.acceleration(inertia, tuple(e), (0.0,) * 3)[k] for k, e in enumerate(units)]
+    return float(np.mean(rates)) * dt**2 / 12
 
 
 def _recording(log: Log, ahead: float, error: float, signed: bool) -> Recording:

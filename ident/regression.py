@@ -13,12 +13,14 @@ import numpy as np
 from scipy.linalg import null_space
 
 from ident.filters import FirstOrderFilter
+from ident.instruments import hold_of
 from ident.log import Log
 from ident.restored import restored
 from ident.signals import Measured, measure
 from youbot_env import dynamics
 from youbot_env.backend import NUMPY
 from youbot_env.dynamics import Theta
+from youbot_env.measurement import HELD
 from youbot_env.model import Model
 
 # Corner of the filters, rad/s: above the motions (a few rad/s), below the noise of differences.
@@ -96,6 +98,7 @@ def build_regression(
     Raises:
         ValueError: no piece is long enough.
     """
+    held = hold_of(log, model) == HELD
     parts, log = [], restored(log, model)
     for number, piece in enumerate(log.pieces()):
         skip = int(np.searchsorted(piece.time, piece.time[0] + settle / corner))
@@ -104,7 +107,7 @@ def build_regression(
         seen = measure(transform(piece) if transform else piece, model, origin=log.time[0])
         # Rows far closer than the filters can tell apart repeat each other.
         rows = slice(skip, None, max(1, int(SPACING / (corner * piece.dt))))
-        H, y = _columns(seen, model, corner, rows)
+        H, y = _columns(seen, model, corner, rows, held)
         parts.append((H, y, piece.time[rows], np.full(len(y), number)))
     if not parts:
         raise ValueError(
@@ -146,14 +149,14 @@ def allowed_directions(names: tuple[str, ...], model: Model) -> np.ndarray | Non
 
 
 def _columns(
-    seen: Measured, model: Model, corner: float, rows: slice
+    seen: Measured, model: Model, corner: float, rows: slice, held: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Columns (N, 3, P) and right side (N, 3) of one piece at some rows.
 
     The forces of drive and effects are linearised at the model's values, one parameter at a time;
     in parameters that enter linearly this is exact.
     """
-    filters = _Filters(seen.time, corner, model.platform.lever, rows)
+    filters = _Filters(seen.time, corner, model.platform.lever, rows, held)
     columns = [filters.inertial(seen, row) for row in np.eye(7).tolist()]
     values = np.array(model.values())
     force, extra = filters.force(seen), seen.robot.theta_change(seen.signals, NUMPY)
@@ -176,10 +179,16 @@ def _columns(
 
 
 class _Filters:
-    """The filters of one piece, with force rows scaled by the lever; returns the wanted rows."""
+    """The filters of one piece, with force rows scaled by the lever; returns the wanted rows.
 
-    def __init__(self, time: np.ndarray, corner: float, lever: float, rows: slice):
-        self._filter, self._rows = FirstOrderFilter(time, corner), rows
+    While torques are held velocities run straight, and so do their forces.  Otherwise neither does,
+    and all that is known of an interval are means: laws that are linear hold for these whatever
+    happens within.  Forces that ran straight beside torques that did not would shift inertia by
+    ``corner D dt^2 / 12``.
+    """
+
+    def __init__(self, time: np.ndarray, corner: float, lever: float, rows: slice, held: bool):
+        self._filter, self._rows, self._straight = FirstOrderFilter(time, corner), rows, held
         self._scale, self._count = (lever, lever, 1.0), len(time[rows])
 
     def inertial(self, seen: Measured, theta) -> np.ndarray:
@@ -211,11 +220,17 @@ class _Filters:
             result = result + self._filter.rate(momentum)[self._rows]
         if np.ndim(force) and np.any(force):
             force = force * weight if np.ndim(weight) else force
-            result = result + self._filter.linear(force)[self._rows]
+            result = result + self._between(force[:-1], force[1:])
         return result
 
     def force(self, seen: Measured) -> np.ndarray:
         """Filtered generalized forces of drive and effects, (rows, 3)."""
         begin, end = seen.interval_wrenches()
-        held = (self._filter.hold(b, e)[self._rows] for b, e in zip(begin, end, strict=True))
+        held = (self._between(b, e) for b, e in zip(begin, end, strict=True))
         return np.stack([h * k for h, k in zip(held, self._scale, strict=True)], axis=-1)
+
+    def _between(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """A filtered force that is known at both ends of each interval."""
+        if not self._straight:
+            begin = end = 0.5 * (begin + end)
+        return self._filter.hold(begin, end)[self._rows]

@@ -8,7 +8,7 @@ import pytest
 from ident import compare, diagnose, identify
 from ident.log import Log
 from ident.recording import find_recordings, in_words, nearest_hold
-from youbot_env.measurement import instruments
+from youbot_env.measurement import HOLDS, instruments
 from youbot_env.model_file import load_model
 from youbot_env.references import SmoothRandom, calibration_sequence
 from youbot_env.simulation import Sensors, record_closed_loop
@@ -86,6 +86,22 @@ def test_holds_are_told_by_their_leads():
 )
 def test_a_robot_is_identified_whatever_the_recording_was(how):
     assert lumps_hold(identify(calibration(seconds=112.0, **how), NOMINAL))
+
+
+@pytest.mark.parametrize("row", ["sampled", "averaged"])
+def test_slow_rows_bias_neither_clock_nor_inertia(row):
+    quiet = Sensors(0.0, 0.0, 0.0, 0.0)
+    times, motion = np.arange(1600) / 20.0, calibration_sequence(0.35, 1.0, 80.0)
+    channels = record_closed_loop(PAPER, motion, times, quiet, loop_rate=1000.0, row=row)
+    log = Log("slow", PAPER.platform, **channels)
+    lead = {"sampled": 0.0245, "averaged": 0.05}[row]  # what a sample shows began a step before
+    assert find_recordings([log], NOMINAL)[0].lead == pytest.approx(lead, abs=5e-4)
+    kind = float(HOLDS.index(row))
+    stated = {"drive_hold": {"kind": kind}, "drive_offset": {"d": lead - 0.025 * kind}}
+    found = identify(replace(log, recording=stated), NOMINAL)
+    parameters, lever = PAPER.parameters, PAPER.platform.lever
+    exact = lever**2 * (parameters.m0 + 4 * parameters.I1 / 0.0475**2)
+    assert found.lumps["x1+x3"].value == pytest.approx(exact, rel=4e-3)
 
 
 def test_what_is_declared_is_taken_as_given(tmp_path):
