@@ -34,7 +34,12 @@ CHANNELS = (
     "battery_voltage",
     "wheel_angle",
 )
-
+# Said of a log that looks like one of another robot, of which no wheel table is known.
+GIVE_TABLE = (
+    "give its own, --platform 'R=.. r=.. l=.. h=..' or a file (docs/add_a_platform.md), or its "
+    "lever l + h with --lever"
+)
+YOUBOT_TABLE = "looks like a log of another robot, and is read with the youBot's wheel table"
 
 # Those that a file may hold.
 FILED = tuple(channel for channel in CHANNELS if channel != "wheel_angle")
@@ -116,12 +121,13 @@ class Log:
         gear: float | None = None,
         strict: bool = False,
         recording: Iterable[str] = (),
+        accept: Iterable[str] = (),
     ) -> Log:
         """Read a log of any known format; every one passes the doctor.
 
         Args:
             path: file or folder.
-            platform: wheel table; the youBot by default.
+            platform: wheel table; if left that which the file names, else the youBot's.
             mapping: ``{log name: column}`` for foreign headers.  A column may carry a minus and a
                 unit: ``{"wheel_velocity_fl": "-left_front [rpm]"}``.
             kt: torque constant of a motor, N m/A, where the log holds currents.
@@ -129,15 +135,19 @@ class Log:
             strict: refuse warnings as well.
             recording: what is known of how the log was recorded, ``EFFECT=VALUE`` each
                 (``drive_hold=held``); it goes before what the file declares.
+            accept: names of findings that are no reason to refuse the log.
 
         Raises:
             LogError: the log cannot be used; the message names row, column, value and remedy.
         """
-        path, platform = Path(path), platform or youbot()
+        path = Path(path)
         with ThreadPoolExecutor(1) as pool:  # hashing a large file takes as long as reading it
             digest = pool.submit(_digest, path)
-            table = read(path, platform)
-            record = examine(table, path.name, platform, mapping, kt, gear)
+            table = read(path, platform or youbot())
+            known, platform = platform or table.platform, platform or table.platform or youbot()
+            if table.foreign and known is None:
+                table.findings.append(Finding("warning", YOUBOT_TABLE, table.foreign, GIVE_TABLE))
+            record = examine(table, path.name, platform, mapping, kt, gear, tuple(accept))
         findings = tuple(record.findings)
         if strict and any(finding.severity == "warning" for finding in findings):
             raise LogError(path.name, [f for f in findings if f.severity == "warning"])

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import console
 import typer
-from given_logs import FIT, TEST, parse_mapping, read_log, refuse_double
+from given_logs import FIT, TEST, LogOptions, digests, reads_logs, used_model
 
 from ident.kinematics import Drift, KinematicCalibration, calibrate_kinematics
 from youbot_env.model_file import load_model, save_model
@@ -25,6 +25,7 @@ ODOMETRIES = {
 HEADS = ("", "value", "95 % interval", "unit")
 
 
+@reads_logs
 def main(
     log: Annotated[
         Path | None,
@@ -45,12 +46,8 @@ def main(
         typer.Option(metavar="FILE", help="Write --model with the calibrated kinematics, YAML."),
     ] = None,
     json_file: console.Json = None,
-    mapping: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--map", metavar="NAME=COLUMN", help="Column of a foreign header; may be repeated."
-        ),
-    ] = None,
+    *,
+    options: LogOptions,
 ) -> None:
     """Calibrate wheel radii, base, roller angle and the mount of the pose sensor from a log.
 
@@ -60,22 +57,16 @@ def main(
     console.check_writable(out, json_file)
     if log is None:
         log, test = FIT, test or TEST
-    before, columns = load_model(model), parse_mapping(mapping)
+    before = load_model(model)
     with console.progress("calibrating", 3, "steps") as show:
-        measured = read_log(log, before.platform, columns, None, None)
-        show(1)
-        untouched = None
-        if test is not None:
-            untouched = read_log(test, before.platform, columns, None, None)
-            refuse_double([measured, untouched])
+        (measured,), tests = options.read(before, [log], [] if test is None else [test])
+        before, untouched = used_model(before, [measured]), tests[0] if tests else None
         show(2)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # what is open is told below
             result = calibrate_kinematics(measured, test=untouched, finite_rollers=finite_rollers)
         show(3)
-    history = console.provenance(
-        logs={record.source: record.digest for record in (measured, untouched) if record}
-    )
+    history = console.provenance(logs=digests([measured, *tests]))
     history.pop("seed")
     if out is not None:
         calibrated = replace(result.model(before), name=out.stem, covariance=None)

@@ -10,7 +10,7 @@ import console
 import given_effects
 import numpy as np
 import typer
-from given_logs import Recorded, parse_mapping, read_log
+from given_logs import TEST, LogOptions, Logs, digests, one_or_all, reads_logs
 
 from ident.comparison import Standing, compare, rank
 from ident.recording import in_words
@@ -31,17 +31,14 @@ from ident.report.compare_words import (
 from youbot_env.model import Model
 from youbot_env.model_file import find_model, load_model
 
-LOG = console.ROOT / "logs" / "youbot_test.csv"
 DEFAULT = ("nominal", str(console.ROOT / "models" / "identified.yaml"))
 SHOWN = 10
 MODEL_FILES = ("", ".yaml", ".yml")
 
 
+@reads_logs
 def main(
-    log: Annotated[
-        Path | None,
-        typer.Argument(metavar="LOG", help="The log, before --model; a bundled one if left."),
-    ] = None,
+    logs: Logs = None,
     model: Annotated[
         list[str] | None,
         typer.Option(
@@ -54,21 +51,10 @@ def main(
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
     json_file: console.Json = None,
-    mapping: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--map", metavar="NAME=COLUMN", help="Column of a foreign header; may be repeated."
-        ),
-    ] = None,
-    kt: Annotated[
-        float | None, typer.Option(help="Torque constant, N m/A, where the log holds currents.")
-    ] = None,
-    gear: Annotated[
-        float | None, typer.Option(help="Motor turns per wheel turn, where the log holds currents.")
-    ] = None,
     effects: given_effects.EffectsFile = None,
-    recording: Recorded = None,
     seed: console.Seed = 0,
+    *,
+    options: LogOptions,
 ) -> None:
     """Compare models with a measured log: errors, where they gather, and when they are worst.
 
@@ -78,18 +64,18 @@ def main(
     given_effects.load_effects(effects)
     console.check_writable(json_file, None if report is None else report / "index.html")
     models = read_models(model or DEFAULT)
-    columns = parse_mapping(mapping)
-    record = read_log(log or LOG, models[0].platform, columns, kt, gear, recording)
+    records, _ = options.read(models[0], logs or [TEST])
+    models = options.used_models(models, records)
     steps = len(models) + (report is not None)
     with console.progress("comparing", steps, "steps") as show:
-        standings = rank(compare(record, models, window, seed, show), seed)
-        history = console.provenance(seed, {record.source: record.digest})
+        standings = rank(compare(one_or_all(records), models, window, seed, show), seed)
+        history = console.provenance(seed, digests(records))
         # Where every simulation runs away there is nothing to draw.
         drawable = report is not None and bool(np.isfinite(standings[0].comparison.run.nrmse))
         page = comparison_page(standings, console.in_words(history)) if drawable else None
         show(steps)
     result = {
-        "log": record.name,
+        "log": " + ".join(record.name for record in records),
         "best": standings[0].comparison.model.name,
         "models": [s.comparison.as_dict() for s in in_order(standings, models)],
         "ranking": [standing.as_dict() for standing in standings],

@@ -8,7 +8,18 @@ from typing import Annotated
 import console
 import given_effects
 import typer
-from given_logs import FIT, TEST, Recorded, read_log, refuse_double
+from given_logs import (
+    FIT,
+    SEVERAL,
+    TEST,
+    LogOptions,
+    Logs,
+    Tests,
+    digests,
+    one_or_all,
+    reads_logs,
+    used_model,
+)
 
 from ident.diagnosis.verdict import Diagnosis, diagnose
 from ident.recording import in_words
@@ -17,15 +28,10 @@ from youbot_env.model_file import load_model
 SHOWN = 8
 
 
+@reads_logs
 def main(
-    logs: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[LOG]...", help="Logs to fit; the bundled one if left."),
-    ] = None,
-    test: Annotated[
-        Path | None,
-        typer.Option(metavar="LOG", help="Log of the same robot in another motion; it decides."),
-    ] = None,
+    logs: Logs = None,
+    test: Tests = None,
     model: Annotated[
         str, typer.Option(help="Model to start from: model file, nominal or paper.")
     ] = "nominal",
@@ -33,30 +39,28 @@ def main(
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
     effects: given_effects.EffectsFile = None,
-    recording: Recorded = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
+    *,
+    options: LogOptions,
 ) -> None:
     """Name the physical effect that a model is missing, or say that none is or one cannot say."""
     console.check_writable(json_file, None if report is None else report / "index.html")
     if not logs:
-        logs, test = [FIT], test or TEST
+        logs, test = [FIT], test or [TEST]
     given_effects.load_effects(effects)
     start = load_model(model)
-    paths = [*logs, *([test] if test else [])]
-    records = [read_log(path, start.platform, {}, None, None, recording) for path in paths]
-    refuse_double(records)
-    used = {log.source: log.digest for log in records}
-    held = records.pop() if test else None
+    records, tests = options.read(start, logs, test or ())
+    everything, held = (*records, *tests), one_or_all(tests)
+    start = used_model(start, records)
     with console.err.status("reading") as status:
         found = diagnose(records, start, held, seed, lambda what: status.update(what))
     show(found)
-    history = console.provenance(seed, used)
+    history = console.provenance(seed, digests(everything))
     console.write_json(json_file, found.as_dict() | {"provenance": history})
     if report is not None:
         from ident.report.diagnose import diagnosis_page
 
-        everything = (*records, *([held] if held else []))
         page = diagnosis_page(found, console.in_words(history), everything)
         console.out.print(f"\npage: {console.shown(page.write(report))}", soft_wrap=True)
 
@@ -87,4 +91,4 @@ def show(found: Diagnosis) -> None:
 
 
 if __name__ == "__main__":
-    console.run(main, "logs/youbot_fit.csv --test logs/youbot_test.csv")
+    console.run(main, "logs/youbot_fit.csv --test logs/youbot_test.csv", SEVERAL)

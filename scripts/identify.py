@@ -11,7 +11,18 @@ import console
 import given_effects
 import numpy as np
 import typer
-from given_logs import FIT, TEST, Recorded, parse_mapping, read_log, refuse_double
+from given_logs import (
+    FIT,
+    SEVERAL,
+    TEST,
+    LogOptions,
+    Logs,
+    Tests,
+    digests,
+    one_or_all,
+    reads_logs,
+    used_model,
+)
 
 from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
 from ident.identification import identify
@@ -32,11 +43,9 @@ from youbot_env.model import Model
 from youbot_env.model_file import load_model, save_model, write_atomically
 
 
+@reads_logs
 def main(
-    logs: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[LOG ...]", help="Logs to fit; the bundled one if left."),
-    ] = None,
+    logs: Logs = None,
     model: Annotated[
         str, typer.Option(help="Model to start from: model file, nominal or paper.")
     ] = "nominal",
@@ -48,9 +57,7 @@ def main(
         ),
     ] = None,
     effects: given_effects.EffectsFile = None,
-    test: Annotated[
-        Path | None, typer.Option(metavar="LOG", help="Log to judge by, kept out of the fit.")
-    ] = None,
+    test: Tests = None,
     method: Annotated[
         str,
         typer.Option(help="auto, ls (least squares), iv (instruments) or free-run."),
@@ -76,26 +83,9 @@ def main(
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
     json_file: console.Json = None,
-    mapping: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--map", metavar="NAME=COLUMN", help="Column of a foreign header; may be repeated."
-        ),
-    ] = None,
-    platform: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MODELFILE", help="Model file with the wheel table; --model's if left."
-        ),
-    ] = None,
-    kt: Annotated[
-        float | None, typer.Option(help="Torque constant, N m/A, where a log holds currents.")
-    ] = None,
-    gear: Annotated[
-        float | None, typer.Option(help="Motor turns per wheel turn, where a log holds currents.")
-    ] = None,
-    recording: Recorded = None,
     seed: console.Seed = 0,
+    *,
+    options: LogOptions,
 ) -> None:
     """Identify the parameters of a platform from measured logs.
 
@@ -105,17 +95,13 @@ def main(
     draws_file = out.with_suffix(".posterior.csv") if posterior else None
     console.check_writable(out, json_file, page_file, draws_file)
     if not logs:
-        logs, test = [FIT], test or TEST
+        logs, test = [FIT], test or [TEST]
     given_effects.load_effects(effects)
     before = load_model(model)
     added = given_effects.parse_effects(add)
-    columns = parse_mapping(mapping)
-    table = before.platform if platform is None else load_model(platform).platform
     with console.progress("identifying", 4, "steps") as show:
-        used = table, columns, kt, gear, recording
-        measured = [read_log(path, *used) for path in logs]
-        untouched = None if test is None else read_log(test, *used)
-        refuse_double([*measured, *([] if untouched is None else [untouched])])
+        measured, tests = options.read(before, logs, test or ())
+        untouched, before = one_or_all(tests), used_model(before, measured)
         show(1)
         result = identify(measured, before, added, untouched, method, name=out.stem)
         decomposed = None
@@ -124,13 +110,11 @@ def main(
         show(2)
         outcome = Outcome.of(result, before)
         show(3)
-        history = console.provenance(
-            logs={log.source: log.digest for log in result.logs},
-        )
+        history = console.provenance(logs=digests(measured))
         history = {key: value for key, value in history.items() if key != "seed"}
         history |= {"method": result.method, "start": before.name}
-        if untouched is not None:
-            history["test_log"] = {untouched.source: untouched.digest}
+        if tests:
+            history["test_log"] = digests(tests)
         page = None if report is None else identification_page(outcome, console.in_words(history))
         show(4)
     usable = not outcome.problems
@@ -223,4 +207,4 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
 
 
 if __name__ == "__main__":
-    console.run(main, "mine.csv --test other.csv --out mine.yaml --report report")
+    console.run(main, "mine.csv --test other.csv --out mine.yaml --report report", SEVERAL)

@@ -10,7 +10,18 @@ import console
 import given_effects
 import numpy as np
 import typer
-from given_logs import FIT, TEST, Recorded, read_log, refuse_double
+from given_logs import (
+    FIT,
+    SEVERAL,
+    TEST,
+    LogOptions,
+    Logs,
+    Tests,
+    digests,
+    one_or_all,
+    reads_logs,
+    used_model,
+)
 
 from controllers import make
 from controllers.evaluation.motions import Motion
@@ -59,19 +70,10 @@ class Tracking:
         )
 
 
+@reads_logs
 def main(
-    logs: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[LOG]...", help="Logs to fit; the bundled one if left."),
-    ] = None,
-    test: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="LOG",
-            help="Another record of the robot; its last part is not looked at before the end. "
-            "Without it every fifth window of the logs is kept for that.",
-        ),
-    ] = None,
+    logs: Logs = None,
+    test: Tests = None,
     model: Annotated[
         str, typer.Option(help="Model to start from: model file, nominal or paper.")
     ] = "nominal",
@@ -82,21 +84,21 @@ def main(
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
     effects: given_effects.EffectsFile = None,
-    recording: Recorded = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
+    *,
+    options: LogOptions,
 ) -> None:
     """Add what a model is missing until nothing is, and write the final model."""
     given_effects.load_effects(effects)
     console.check_writable(out, json_file, None if report is None else report / "index.html")
     if not logs:
-        logs, test = [FIT], test or TEST
+        logs, test = [FIT], test or [TEST]
     start = load_model(model)
-    paths = [*logs, *([test] if test else [])]
-    records = [read_log(path, start.platform, {}, None, None, recording) for path in paths]
-    refuse_double(records)
-    history = console.provenance(seed, {log.source: log.digest for log in records})
-    held = records.pop() if test else None
+    records, tests = options.read(start, logs, test or ())
+    everything, held = (*records, *tests), one_or_all(tests)
+    start = used_model(start, records)
+    history = console.provenance(seed, digests(everything))
     with console.err.status("reading") as status:
         done = improve(records, start, held, seed, status.update, out.stem)
         usable = bool(done.stages) and not done.problems
@@ -108,7 +110,6 @@ def main(
         status.update("drawing")
         page = None
         if report is not None:
-            everything = (*records, *([held] if held else []))
             page = improvement_page(done, gains, console.in_words(history), everything)
     if usable:
         made = {"method": "diagnosis and free-run refinement", "start": start.name}
@@ -210,4 +211,4 @@ def tell(done: Improvement, gains: list[str], out: Path | None, page: Path | Non
 
 
 if __name__ == "__main__":
-    console.run(main, "mine.csv --test other.csv --out mine.yaml --report report/improve")
+    console.run(main, "mine.csv --test other.csv --out mine.yaml --report report/improve", SEVERAL)

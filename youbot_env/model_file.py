@@ -72,7 +72,7 @@ def model_from_dict(data: object, default_name: str = "model") -> Model:
     for section in ("platform", "parameters"):
         if section not in data:
             raise ModelFileError(f"section {section!r} is missing")
-    platform = _platform(data["platform"])
+    platform = platform_from_dict(data["platform"])
     entries = _mapping(data["parameters"], "parameters")
     values, sources, errors = {}, {}, {}
     for name, entry in entries.items():
@@ -133,11 +133,6 @@ def _covariance(data: object, size: int) -> list[list[float]] | None:
 
 def model_to_dict(model: Model) -> dict:
     """Return what a model file holds."""
-    platform = asdict(model.platform)
-    for wheel in platform["wheels"]:
-        for name in DEGREES:
-            wheel[f"{name}_deg"] = round(math.degrees(wheel.pop(name)), 9)
-    platform["wheels"] = list(platform["wheels"])
     parameters = {
         name: {
             "value": float(value),
@@ -147,7 +142,8 @@ def model_to_dict(model: Model) -> dict:
         }
         for name, value in model.parameters.as_dict().items()
     }
-    data = {"name": model.name, "platform": platform, "parameters": parameters}
+    data = {"name": model.name, "platform": platform_to_dict(model.platform)}
+    data["parameters"] = parameters
     data["effects"] = [
         {"identifier": a.identifier, "parameters": {k: float(v) for k, v in a.values.items()}}
         for a in model.effects
@@ -156,6 +152,16 @@ def model_to_dict(model: Model) -> dict:
         data["covariance"] = model.covariance
     if model.provenance:
         data["provenance"] = model.provenance
+    return data
+
+
+def platform_to_dict(platform: Platform) -> dict:
+    """Return what the section ``platform`` of a model file holds."""
+    data = asdict(platform)
+    for wheel in data["wheels"]:
+        for name in DEGREES:
+            wheel[f"{name}_deg"] = round(math.degrees(wheel.pop(name)), 9)
+    data["wheels"] = list(data["wheels"])
     return data
 
 
@@ -182,7 +188,16 @@ def write_atomically(path: str | os.PathLike, content: str | bytes) -> Path:
     return path
 
 
-def _platform(data: object) -> Platform:
+def platform_from_dict(data: object) -> Platform:
+    """Build a platform from its name or from the section ``platform`` of a model file.
+
+    Wheels stand at ``x, y`` m, or at ``distance`` m from the centre and ``at_deg`` from forward;
+    the latter are omni wheels that roll at right angles to it unless they say otherwise.
+
+    Raises:
+        ModelFileError: a missing, unknown or wrong entry.
+        ValueError: wheels that cannot be.
+    """
     if isinstance(data, str):
         if data not in PLATFORMS:
             raise ModelFileError(f"unknown platform {data!r}; known: {sorted(PLATFORMS)}")
@@ -198,17 +213,8 @@ def _platform(data: object) -> Platform:
         raise ModelFileError(f"platform: wheels = {table!r} is not a list; write one '- ' a wheel")
     for number, entry in enumerate(table, start=1):
         entry = dict(_mapping(entry, f"wheel {number}"))
-        _refuse_unknown(entry, ("name", "x", "y", "roller_angle_deg", "heading_deg"), "in wheels")
         try:
-            wheels.append(
-                Wheel(
-                    str(entry.get("name", number)),
-                    float(entry["x"]),
-                    float(entry["y"]),
-                    math.radians(float(entry["roller_angle_deg"])),
-                    math.radians(float(entry.get("heading_deg", 0.0))),
-                )
-            )
+            wheels.append(_wheel(entry, number))
         except KeyError as error:
             raise ModelFileError(f"platform: wheel {number} has no {error.args[0]}") from error
         except (TypeError, ValueError) as error:
@@ -219,6 +225,25 @@ def _platform(data: object) -> Platform:
     except (TypeError, ValueError) as error:
         raise ModelFileError(f"platform: {data}: {error}") from error
     return Platform(name, tuple(wheels), **numbers)
+
+
+def _wheel(entry: dict, number: int) -> Wheel:
+    fields = ("name", "x", "y", "distance", "at_deg", "roller_angle_deg", "heading_deg")
+    _refuse_unknown(entry, fields, "in wheels")
+    if "distance" in entry or "at_deg" in entry:
+        distance, at = float(entry.pop("distance")), float(entry.pop("at_deg"))
+        if "x" in entry or "y" in entry:
+            raise ValueError("give x and y, or distance and at_deg")
+        angle = math.radians(at)
+        place = {"x": distance * math.cos(angle), "y": distance * math.sin(angle)}
+        entry = {"roller_angle_deg": 0.0, "heading_deg": at + 90.0} | entry | place
+    return Wheel(
+        str(entry.get("name", number)),
+        float(entry["x"]),
+        float(entry["y"]),
+        math.radians(float(entry["roller_angle_deg"])),
+        math.radians(float(entry.get("heading_deg", 0.0))),
+    )
 
 
 def _number(value: object, place: str) -> float:

@@ -7,7 +7,7 @@ Source: Adamov & Kobrin (2018), eq. (3), written for wheels of any heading and r
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -139,6 +139,14 @@ class Platform:
         """L, m: how far from the centre the wheels act on yaw; l + h on a mecanum platform."""
         metric = self.geometry.wheel_metric
         return math.sqrt(metric[5] / metric[0])
+
+    def with_lever(self, lever: float) -> Platform:
+        """The platform with its wheels moved outwards or inwards so that L is ``lever`` m."""
+        if not (math.isfinite(lever) and lever > 0):
+            raise ValueError(f"lever = {lever} m must be positive")
+        k = lever / self.lever
+        wheels = (replace(wheel, x=k * wheel.x, y=k * wheel.y) for wheel in self.wheels)
+        return replace(self, wheels=tuple(wheels))
 
     @cached_property
     def reach(self) -> float:

@@ -61,6 +61,7 @@ def examine(
     mapping: dict[str, str] | None = None,
     kt: float | None = None,
     gear: float | None = None,
+    accept: tuple[str, ...] = (),
 ) -> Record:
     """Turn the columns of a file into a record in SI units and paper signs.
 
@@ -70,12 +71,13 @@ def examine(
         platform: wheel table.
         mapping: ``{log name: column}``.
         kt, gear: torque constant of a motor, N m/A, and motor turns per wheel turn.
+        accept: names of findings that are no reason to refuse the log.
 
     Raises:
         LogError: something cannot be put right; the message names row, column, value, remedy.
     """
     record = examine_columns(table, source, platform, mapping)
-    record.kt, record.gear = kt, gear
+    record.kt, record.gear, record.accept = kt, gear, accept
     for check in CHECKS:
         check(record)
         record.stop_on_error()

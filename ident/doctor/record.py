@@ -19,6 +19,7 @@ class Record:
         platform: wheel table.
         kt: torque constant of a motor, N m/A, or None where not given.
         gear: motor turns per wheel turn, or None.
+        accept: names of findings that are no reason to refuse the log.
         time: (N,) as found, then s.
         lines: (N,) place of each sample in the file.
         unit_of_place: what ``lines`` counts.
@@ -36,6 +37,7 @@ class Record:
     unit_of_place: str = "line"
     kt: float | None = None
     gear: float | None = None
+    accept: tuple[str, ...] = ()
     channels: dict[str, np.ndarray] = field(default_factory=dict)
     columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
     breaks: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))

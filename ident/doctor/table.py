@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ident.doctor.finding import Finding
+from youbot_env.platform import Platform
 
 
 @dataclass
@@ -20,6 +21,8 @@ class Table:
         unit_of_place: what ``lines`` counts ("line" of a text file, "row" or "message").
         names: log names of foreign columns, ``{log name: column}``.
         findings: what the loader had to put right.
+        platform: the wheel table that the file names, or None.
+        foreign: what makes it look like a log of another robot than the youBot; empty for none.
         recording: what the file declares about how it was recorded, ``EFFECT=VALUE`` each.
     """
 
@@ -29,6 +32,8 @@ class Table:
     names: dict[str, str] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
     recording: list[str] = field(default_factory=list)
+    platform: Platform | None = None
+    foreign: str = ""
 
     def tell(self, what: str, where: str, remedy: str) -> None:
         """Add a finding about something that was put right."""

@@ -43,4 +43,5 @@ class FtcLoader(DelimitedLoader):
         """Read the table and say which column is what."""
         table = super().read(path, platform)
         table.names = dict(NAMES)
+        table.foreign = "header of an FTC robot"
         return table

@@ -1,0 +1,130 @@
+"""Options and logs that a user gives a command: the same for all, and many at once."""
+
+import inspect
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from foreign_logs import make
+
+from ident.log import Log
+from youbot_env.model_file import load_model
+from youbot_env.platform import mecanum, youbot
+
+SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
+READERS = ("identify", "diagnose", "improve", "compare", "calibrate_kinematics")
+OPTIONS = {"mapping", "kt", "gear", "platform", "lever", "recording", "accept"}
+
+
+@pytest.fixture
+def given(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(SCRIPTS)
+    monkeypatch.chdir(tmp_path)
+    import given_logs
+
+    return given_logs
+
+
+@pytest.fixture
+def run(given, monkeypatch, capsys):
+    """Call a script by name; gives status, what it printed, and its errors."""
+
+    def call(name, *words):
+        import console
+
+        module = __import__(name)
+        monkeypatch.setattr(sys, "argv", [f"{name}.py", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            console.run(module.main, "", given.SEVERAL)
+        shown = capsys.readouterr()
+        return end.value.code or 0, shown.out, shown.err
+
+    return call
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_every_command_has_the_same_options(given, name):
+    assert set(inspect.signature(__import__(name).main).parameters) >= OPTIONS
+
+
+def test_patterns_folders_and_files(given, tmp_path):
+    good = make(300)
+    for name in ("b", "a"):
+        (tmp_path / "runs").mkdir(exist_ok=True)
+        good.save(tmp_path / "runs" / f"{name}.csv")
+    (tmp_path / "runs" / "notes.md").write_text("nothing")
+    both = [Path("runs/a.csv"), Path("runs/b.csv")]
+    assert given.find_logs(["runs"]) == both
+    assert given.find_logs(["runs/*.csv"]) == both
+    assert given.find_logs(["runs/b.csv", "runs/a*"]) == both[::-1]
+    for word in ("runs/*.bag", "nothing.csv"):
+        with pytest.raises(ValueError, match="no log"):
+            given.find_logs([word])
+
+
+def test_a_bad_log_among_good_ones_is_told_and_left_out(given, tmp_path, capsys):
+    for number in (1, 2):
+        make(300 + number).save(tmp_path / f"{number}.csv")
+    (tmp_path / "bad.csv").write_text("time,a\n0,1\n")
+    model = load_model("nominal")
+    logs, tests = given.LogOptions().read(model, ["1.csv", "bad.csv"], ["2.csv"])
+    assert [log.name for log in (*logs, *tests)] == ["1", "2"]
+    assert "left out: bad.csv cannot be used" in capsys.readouterr().err
+    for words in (["bad.csv"], ["bad.csv", "bad.csv"]):
+        with pytest.raises(ValueError, match=r"bad\.csv cannot be used"):
+            given.LogOptions().read(model, words)
+    with pytest.raises(ValueError, match="same record"):
+        given.LogOptions().read(model, ["1.csv"], ["1.csv"])
+
+
+def test_logs_of_one_name_stay_apart(given, tmp_path):
+    for number in (1, 2):
+        (tmp_path / f"{number}").mkdir()
+        make(300 + number).save(tmp_path / f"{number}" / "run.csv")
+    logs, _ = given.LogOptions().read(load_model("nominal"), ["1/run.csv", "2/run.csv"])
+    assert [log.name for log in logs] == ["run (1)", "run (2)"]
+    assert len(given.digests(logs)) == 2
+
+
+def test_platform_and_lever_reach_the_log(given, tmp_path):
+    make(300).save(tmp_path / "log.csv")
+    model = load_model("nominal")
+
+    def read(**options):
+        (log,), _ = given.LogOptions(**options).read(model, ["log.csv"])
+        assert given.used_model(model, [log]).platform == log.platform
+        return log.platform
+
+    assert read() == youbot()
+    line = read(platform="R=0.0475 r=0.014 l=0.15 h=0.2355")
+    assert line.geometry == youbot().geometry
+    scaled = read(lever=0.3)
+    assert scaled.lever == pytest.approx(0.3)
+    assert scaled.wheels[0].x / scaled.wheels[0].y == pytest.approx(0.2355 / 0.15)
+    with pytest.raises(ValueError, match="--lever -1"):
+        read(lever=-1.0)
+    own = replace(model, platform=mecanum("own", 0.1, 0.1, 0.05, 0.01, 1.0))
+    (log,), _ = given.LogOptions().read(own, ["log.csv"])
+    assert log.platform.name == "own"
+
+
+def test_findings_to_accept_reach_the_doctor(given, tmp_path, monkeypatch):
+    make(300).save(tmp_path / "log.csv")
+    seen = {}
+    load = Log.load
+    monkeypatch.setattr(Log, "load", lambda *a, **k: (seen.update(k), load(*a, **k))[1])
+    given.LogOptions(accept=["units", "clock"]).read(load_model("nominal"), ["log.csv"])
+    assert seen["accept"] == ("units", "clock")
+
+
+def test_compare_takes_what_identify_takes(run, tmp_path):
+    text = make(600).save(tmp_path / "log.csv").read_text()
+    (tmp_path / "log.csv").write_text(text.replace("wheel_velocity_rl", "back"))
+    words = ["log.csv", "--model", "nominal", "--json", "out.json"]
+    assert run("compare", *words)[0] == 2
+    words += ["--map", "wheel_velocity_rl=back", "--platform", "R=0.0475 l=0.15 h=0.2355"]
+    status, _, errors = run("compare", *words)
+    assert status == 0, errors
+    assert json.loads((tmp_path / "out.json").read_text())["log"] == "log"
