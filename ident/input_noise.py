@@ -37,23 +37,23 @@ def noisier(logs: list[Log], pairs: int = PAIRS) -> Iterator[list[Log]]:
             yield [_with_noise(log, sign * n) for log, n in zip(logs, noise, strict=True)]
 
 
-def noisier_loops(log: Log) -> Iterator[Log]:
-    """A log with as much noise as its own of wheel speeds, and what its loops make of it, twice.
+def noisier_speeds(log: Log) -> Iterator[Log]:
+    """A log with as much noise as its own in its speeds, and what wheel loops make of it, twice.
 
     Where a row of the drive shows an instant, the torque that answers an error of the encoders was
     not felt as long as the row lasts, but is there in the same row as that error.
     """
-    if log.drive != "torque" or log.wheel_velocity is None:
-        return
-    gain, _ = _loops(log)
-    rng = np.random.default_rng(0)
-    drawn = rng.normal(size=log.wheel_velocity.shape)
-    noise = np.sqrt(white_variance(log, log.wheel_velocity)) * drawn
-    before = np.concatenate([np.zeros((1, noise.shape[1])), noise[:-1]])
-    torque = gain[:, 0] * noise + gain[:, 1] * before
+    shown = "wheel_velocity" if log.body_velocity is None else "body_velocity"
+    speed, rng = getattr(log, shown), np.random.default_rng(0)
+    noise = np.sqrt(white_variance(log, speed)) * rng.normal(size=speed.shape)
+    drive = {}
+    if log.drive == "torque" and shown == "wheel_velocity":
+        gain, _ = _loops(log)
+        before = np.concatenate([np.zeros((1, noise.shape[1])), noise[:-1]])
+        drive["wheel_torque"] = gain[:, 0] * noise + gain[:, 1] * before
     for sign in (1.0, -1.0):
-        yield replace(log, wheel_velocity=log.wheel_velocity + sign * noise,
-                      wheel_torque=log.wheel_torque + sign * torque)  # fmt: skip
+        changes = {shown: noise} | drive
+        yield replace(log, **{k: getattr(log, k) + sign * n for k, n in changes.items()})
 
 
 def torque_noise(log: Log) -> np.ndarray:

@@ -12,13 +12,16 @@ from ident.estimators import (
     least_squares,
     reference_motion,
 )
+from ident.input_noise import noisier_speeds
 from ident.log import Log
-from ident.observability import column_noise
 from ident.recording import Recording
-from ident.recursive import sample_times
 from ident.regression import Regression, build_regression
 from ident.seen import Seen
 from youbot_env.model import Model
+
+PLAIN = "least squares"
+# Share of what noise does to least squares that is not known once it is taken back.
+DOUBTED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,7 @@ class LinearEstimation:
         There is no instrumental one where the instruments leave something unmoved.
         """
         reduced = self.seen.reduce(regression)
-        found = {"least squares": least_squares(reduced, None, self.clusters)}
+        found = {PLAIN: least_squares(reduced, None, self.clusters)}
         if self.instruments:
             moved = [
                 build_regression(log, self.model, self.corner, reference_motion).H for log in logs
@@ -62,14 +65,16 @@ class LinearEstimation:
     def of(self, records: list[Recording], regression: Regression) -> dict[str, Estimate]:
         """As ``solve``, with covariances that hold the errors of the logs' clocks.
 
-        Each is moved by a standard error in turn.  That of least squares also holds what noise in
-        the regressors does to it, which no scatter shows.
+        Each is moved by a standard error in turn.  What noise of the speeds does to least squares,
+        in the columns and through the loops that answer to it, is taken back; half of it stays in
+        doubt.
         """
         logs = [record.log for record in records]
         found = self.solve(logs, regression)
         extra = {method: np.zeros_like(one.covariance) for method, one in found.items()}
-        pulled = self._attenuation(regression, found["least squares"].values)
-        extra["least squares"] += np.outer(pulled, pulled)
+        pulled = self._pulled(logs, found[PLAIN])
+        found[PLAIN] = replace(found[PLAIN], values=found[PLAIN].values - pulled)
+        extra[PLAIN] += np.outer(DOUBTED * pulled, DOUBTED * pulled)
         for number, record in enumerate(records):
             if not record.error:
                 continue
@@ -84,18 +89,20 @@ class LinearEstimation:
             for method, one in found.items()
         }
 
-    def _attenuation(self, regression: Regression, values: np.ndarray) -> np.ndarray:
-        """(k,) by how much noise in the columns pulls least squares toward nothing.
+    def _pulled(self, logs: list[Log], found: Estimate) -> np.ndarray:
+        """(k,) by how much noise of the speeds shifts least squares.
 
-        Of the Gramian ``H'H`` a part N is noise of the columns; the estimate is then short by about
-        ``(H'H)^-1 N theta``.
+        As much noise once more shifts them by as much again.
         """
-        basis, noise = self.seen.basis, column_noise(regression)
-        weights = sample_times(regression)
-        seen = regression.H @ basis
-        gramian = np.einsum("n,nap,naq->pq", weights, seen, seen)
-        theta = self.seen.start + basis @ values
-        return np.linalg.lstsq(gramian, basis.T @ noise @ theta, rcond=None)[0]
+        total = np.zeros(len(found.values))
+        for number, log in enumerate(logs):
+            for noisy in noisier_speeds(log):
+                others = [*logs]
+                others[number] = noisy
+                reduced = self.seen.reduce(self.regression(others))
+                shifted = least_squares(reduced, None, self.clusters).values
+                total += 0.5 * (shifted - found.values)
+        return total
 
 
 def _instrumented(regression: Regression, rows: np.ndarray, clusters: int) -> Estimate | None:

@@ -18,7 +18,7 @@ import numpy as np
 from ident.contradiction import wheels_agree
 from ident.doctor.odometry import body_against, pose_against_wheels
 from ident.free_values import FreeValues
-from ident.input_noise import noisier_loops
+from ident.input_noise import noisier_speeds
 from ident.instruments import (
     HOLD,
     OFFSET,
@@ -60,9 +60,6 @@ ALIGNED = (0.1, 0.3)
 KNOWN = 0.25
 # Least standard deviation of what is known of a lead beforehand, s.
 LEAST_SPREAD = 0.01
-# Of half of what noise in the wheel loops may do to a clock this share is its error, in standard
-# errors: whether rows are held or show instants, of which it does so, is not known by then.
-FELT = 1.0
 # Half widths beyond which a clock is not known, s.
 VAGUE = 8e-3
 # Free-run errors remember each other for about this time, s.
@@ -267,22 +264,22 @@ def _find_clocks(logs: list[Log], model: Model, signed: bool) -> list[Recording]
     sparse = [sparsely(exciting(log)) for log in logs]
     rich = _with_nuisances(with_instruments(without_instruments(model), sparse))
     try:
-        fit = refine(sparse, rich, tolerance=ENOUGH_LESS, smooth=True, draws=1)
+        fit = refine(sparse, rich, tolerance=ENOUGH_LESS, smooth=True, draws=0)
     except ValueError:  # no window is contiguous: the recording stays what it usually is
         return [_recording(log, lead_of(SAMPLED, log.dt), 0.0, signed) for log in logs]
-    found = [
-        (ahead - pulled, float(np.hypot(error, abs(pulled) * FELT)))
-        for k, log in enumerate(logs)
-        for (ahead, error), pulled in [(lead(fit, k), _pulled_by_loops(fit, k, log))]
-    ]
+    found = []
+    for number, log in enumerate(logs):
+        ahead, error = lead(fit, number)
+        found.append((ahead, float(np.hypot(error, _pull_of_loops(fit, number, log)))))
     return [_recording(log, *one, signed) for log, one in zip(logs, found, strict=True)]
 
 
-def _pulled_by_loops(fit: OutputError, number: int, log: Log) -> float:
-    """How far the noise that wheel loops answer to may have pulled a lead, s; half of it.
+def _pull_of_loops(fit: OutputError, number: int, log: Log) -> float:
+    """How far the noise that wheel loops answer to may pull a lead, s.
 
-    As much noise once more, in speeds and in torques as the loops answer to it, pulls as far again.
-    It does so where rows show instants, not where they are held: the robot felt it then.
+    As much noise once more, in speeds and in torques as the loops answer to it, pulls as far again:
+    back where rows show instants, hardly or forward where they are held and the robot felt it.
+    Which they do is not known by then.
     """
     model = fit.models[number]
     if SHIFT in stated(model, log):
@@ -291,9 +288,9 @@ def _pulled_by_loops(fit: OutputError, number: int, log: Log) -> float:
     free = FreeValues.of(model, None, None, [set(stated(model, log))])
     steps = [
         ScaledFit.at([sparsely(one)], [model], None, smooth=True).step(free, 0.0)[0][at]
-        for one in (exciting(log), *noisier_loops(exciting(log)))
+        for one in (exciting(log), *noisier_speeds(exciting(log)))
     ]
-    return 0.5 * float(np.mean(steps[1:]) - steps[0]) if steps[1:] else 0.0
+    return abs(float(np.mean(steps[1:]) - steps[0]))
 
 
 def with_free_clocks(
