@@ -23,6 +23,7 @@ from ident.recent import Recent
 from youbot_env.channels import channel_columns
 from youbot_env.model_file import write_atomically
 from youbot_env.platform import Platform, youbot
+from youbot_env.platform_file import GivenPlatform, read_platform
 
 CHANNELS = (
     "wheel_velocity",
@@ -115,7 +116,7 @@ class Log:
     def load(
         cls,
         path: str | Path,
-        platform: Platform | None = None,
+        platform: Platform | GivenPlatform | str | None = None,
         mapping: dict[str, str] | None = None,
         kt: float | None = None,
         gear: float | None = None,
@@ -127,7 +128,9 @@ class Log:
 
         Args:
             path: file or folder.
-            platform: wheel table; if left that which the file names, else the youBot's.
+            platform: wheel table, or what ``read_platform`` takes (a YAML file, a line, a name),
+                which may also say how its logs are read; if left that which the file names, else
+                the youBot's.
             mapping: ``{log name: column}`` for foreign headers.  A column may carry a minus and a
                 unit: ``{"wheel_velocity_fl": "-left_front [rpm]"}``.
             kt: torque constant of a motor, N m/A, where the log holds currents.
@@ -141,13 +144,19 @@ class Log:
             LogError: the log cannot be used; the message names row, column, value and remedy.
         """
         path = Path(path)
+        given = read_platform(platform) if isinstance(platform, str) else platform
+        given = GivenPlatform(given) if isinstance(given, Platform) else given
         with ThreadPoolExecutor(1) as pool:  # hashing a large file takes as long as reading it
             digest = pool.submit(_digest, path)
-            table = read(path, platform or youbot())
-            known, platform = platform or table.platform, platform or table.platform or youbot()
-            if table.foreign and known is None:
+            table = read(path, youbot() if given is None else given.platform)
+            if given is None and table.platform is None and table.foreign:
                 table.findings.append(Finding("warning", YOUBOT_TABLE, table.foreign, GIVE_TABLE))
-            record = examine(table, path.name, platform, mapping, kt, gear, tuple(accept))
+            given = given or GivenPlatform(table.platform or youbot())
+            table.usual = given.mapping
+            kt, gear = kt or given.kt, gear or given.gear
+            accepted = (*table.accept, *accept)
+            record = examine(table, path.name, given.platform, mapping, kt, gear, accepted)
+        platform = given.platform
         findings = tuple(record.findings)
         if strict and any(finding.severity == "warning" for finding in findings):
             raise LogError(path.name, [f for f in findings if f.severity == "warning"])

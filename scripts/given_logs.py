@@ -140,13 +140,12 @@ class LogOptions:
         return [used_model(m, logs) if given or m.platform == youbot() else m for m in models]
 
     def _load(self, file: Path, given: GivenPlatform | None, mapping: dict[str, str]) -> Log:
-        known = given or GivenPlatform(youbot())
         return Log.load(
             file,
-            None if given is None else given.platform,
-            known.mapping | mapping or None,
-            known.kt if self.kt is None else self.kt,
-            known.gear if self.gear is None else self.gear,
+            given,
+            mapping or None,
+            self.kt,
+            self.gear,
             recording=self.recording or (),
             accept=tuple(self.accept or ()),
         )

@@ -15,6 +15,7 @@ from ident.doctor.heading import check_heading
 from ident.doctor.motion import check_length, check_motion, check_velocity
 from ident.doctor.pieces import check_pieces
 from ident.doctor.positions import check_positions
+from ident.doctor.rates import check_rates
 from ident.doctor.record import Record
 from ident.doctor.resolution import check_resolution
 from ident.doctor.scales import check_scales
@@ -23,6 +24,7 @@ from ident.doctor.spikes import check_spikes
 from ident.doctor.stuck import check_stuck
 from ident.doctor.table import Table
 from ident.doctor.units import check_angle, check_units
+from ident.doctor.unsigned import check_unsigned
 from ident.doctor.world import check_world
 from youbot_env.platform import Platform
 
@@ -33,6 +35,8 @@ CHECKS = (
     check_velocity,
     check_clock,
     check_cells,
+    check_rates,
+    check_unsigned,
     check_drive,
     check_length,
     check_dropouts,
@@ -76,7 +80,7 @@ def examine(
     Raises:
         LogError: something cannot be put right; the message names row, column, value, remedy.
     """
-    record = examine_columns(table, source, platform, mapping)
+    record = examine_columns(table, source, platform, mapping, gear)
     record.kt, record.gear, record.accept = kt, gear, accept
     for check in CHECKS:
         check(record)

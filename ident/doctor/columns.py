@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import difflib
 import re
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
 
+from ident.doctor.declared import UnitError, factor_of, known_unit
 from ident.doctor.finding import Finding, LogError
 from ident.doctor.record import Record
 from ident.doctor.table import Table
@@ -16,18 +18,31 @@ from youbot_env.platform import Platform
 
 MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "?")
 CORNERS = {"bl": "rl", "br": "rr"}
-SCALES = {
-    "rad/s": 1.0, "deg/s": np.pi / 180, "rpm": 2 * np.pi / 60, "rev/s": 2 * np.pi,
-    "m": 1.0, "mm": 1e-3, "cm": 1e-2, "m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2,
-    "rad": 1.0, "deg": np.pi / 180, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
-    "N m": 1.0, "Nm": 1.0, "N cm": 1e-2, "Ncm": 1e-2, "mN m": 1e-3, "mNm": 1e-3,
-    "A": 1.0, "mA": 1e-3, "V": 1.0, "mV": 1e-3, "%": 1e-2,
-}  # fmt: skip
 DECORATED = re.compile(r"^(?P<minus>-?)\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?$")
 
 
+class Chosen(NamedTuple):
+    """A column that was found for a log name.
+
+    Attributes:
+        column: its name in the table.
+        minus: whether a mapping turns its sign round.
+        unit: declared unit; empty for none, which is SI or found by the doctor.
+        stated: whether a user's mapping names it.
+    """
+
+    column: str
+    minus: bool
+    unit: str
+    stated: bool
+
+
 def examine_columns(
-    table: Table, source: str, platform: Platform, mapping: dict[str, str] | None
+    table: Table,
+    source: str,
+    platform: Platform,
+    mapping: dict[str, str] | None,
+    gear: float | None = None,
 ) -> Record:
     """Find the columns of a log and turn their cells into numbers.
 
@@ -36,23 +51,29 @@ def examine_columns(
         source: file name.
         platform: gives the wheel names.
         mapping: ``{log name: column}``; a column may carry a minus and a unit in brackets, as in
-            ``-left_front [rpm]``.
+            ``-left_front [rpm]``; ``wheel_fl`` stands for all of a joint.
+        gear: motor turns per wheel turn, for what is declared to be of the motor.
 
     Raises:
         LogError: no time, half a channel, a name twice, cells that are not numbers.
     """
-    stated = {**table.names, **(mapping or {})}
-    chosen = _choose(table, source, platform, stated)
+    chosen = _choose(table, source, platform, mapping or {})
     missing = [] if "time" in chosen else ["time"]
     record = Record(source, platform, np.empty(0), table.lines, table.unit_of_place)
-    record.findings = list(table.findings)
+    record.findings, record.header = list(table.findings), tuple(table.columns)
     numbers = {}
     turned: dict[str, list[str]] = {}
-    for name, (column, factor, unit) in chosen.items():
-        numbers[name] = factor * _numbers(table.columns[column], column, record)
-        if abs(factor) != 1:
+    for name, (column, minus, unit, stated) in chosen.items():
+        factor = _factor(record, name, column, unit, gear, stated)
+        if factor is None:
+            continue
+        numbers[name] = (-factor if minus else factor) * _numbers(
+            table.columns[column], column, record
+        )
+        record.units[name] = unit
+        if factor != 1:
             turned.setdefault(f"the unit is {unit}: turned into SI", []).append(column)
-        if factor < 0:
+        if minus:
             turned.setdefault("negated as the mapping asks", []).append(column)
     for what, columns in turned.items():
         record.fixed(what, "columns " + ", ".join(columns), "used like this")
@@ -80,9 +101,17 @@ def examine_columns(
             )
         elif there:
             record.channels[channel] = np.stack([numbers[name] for name in names], axis=1)
-            record.columns[channel] = tuple(chosen[name][0] for name in names)
+            record.columns[channel] = tuple(chosen[name].column for name in names)
+    if table.unnamed and not {"wheel_velocity", "wheel_position"} & set(record.channels):
+        wheel = platform.wheel_names[0]
+        record.refuse(
+            f"none of the joints could be told to be a wheel ({', '.join(platform.wheel_names)}); "
+            f"the joints are {', '.join(table.unnamed[:40])}",
+            "bag",
+            f"name them with --map wheel_{wheel}=JOINT for each wheel",
+        )
     record.stop_on_error()
-    used = {column for column, _, _ in chosen.values()}
+    used = {one.column for one in chosen.values()}
     # Inertial sensors are part of the format, though nothing reads them yet.
     unknown = [c for c in table.columns if c not in used and not c.lower().startswith("imu_")]
     if unknown:
@@ -92,54 +121,126 @@ def examine_columns(
 
 
 def _choose(
-    table: Table, source: str, platform: Platform, stated: dict[str, str]
-) -> dict[str, tuple[str, float, str]]:
-    """Return ``{log name: (column, factor to SI, unit)}``."""
+    table: Table, source: str, platform: Platform, mapping: dict[str, str]
+) -> dict[str, Chosen]:
+    """Find a column for each log name: by the mapping, by the loader, by its own name."""
     known = {name for names in channel_columns(platform).values() for name in names} | {"time"}
-    for name, text in stated.items():
+    columns = _by_plain_name(table)
+    chosen: dict[str, Chosen] = {}
+    usual = _expanded(table.usual, table, columns, platform)
+    there = [(name, text) for name, text in usual if _resolve(text, name, table, columns)]
+    if there and len(there) < len(usual):
+        absent = ", ".join(text for name, text in usual if (name, text) not in there)
+        table.findings.append(
+            Finding("warning", f"no columns {absent}", "header", "the platform's file names them")
+        )
+    for name, text, of_user in [
+        *((name, text, False) for name, text in table.names.items()),
+        *((name, text, True) for name, text in there),
+        *((name, text, True) for name, text in _expanded(mapping, table, columns, platform)),
+    ]:
         if name not in known:
             near = difflib.get_close_matches(name, known, 1)
             hint = f"did you mean {near[0]!r}? " if near else ""
             raise _error(source, f"{name!r} is no name of a log", f"{hint}known: {sorted(known)}")
-        if text not in table.columns and _decorated(text)[0] not in table.columns:
+        found = _resolve(text, name, table, columns)
+        if found is None:
             raise _error(
                 source,
                 f"the mapping {name}={text} names no column",
                 f"the columns are {list(table.columns)[:40]}",
             )
-    chosen = {}
-    for name, text in stated.items():
-        column, factor, unit = (text, 1.0, "") if text in table.columns else _decorated(text)
-        chosen[name] = (column, factor, unit)
-    taken = {column for column, _, _ in chosen.values()}
-    for column in table.columns:
-        if column in taken:
-            continue
-        plain, factor, unit = _decorated(column)
+        chosen[name] = found._replace(stated=of_user)
+    taken = {one.column for one in chosen.values()}
+    stated = set(chosen)
+    for plain, column in columns.items():
         name = _canonical(plain, platform)
-        if name not in known or name in stated:
+        if column in taken or name not in known or name in stated:
             continue
-        if name in chosen:
+        if name in chosen and chosen[name].column != column:
             raise _error(
                 source,
-                f"columns {chosen[name][0]!r} and {column!r} are both {name}",
+                f"columns {chosen[name].column!r} and {column!r} are both {name}",
                 "rename or delete one",
             )
-        chosen[name] = (column, abs(factor), unit)
+        chosen[name] = Chosen(column, False, _unit_of(column, table), False)
     return chosen
+
+
+def _by_plain_name(table: Table) -> dict[str, str]:
+    """Columns by their names with and without a unit in brackets."""
+    columns = {_decorated(column)[0]: column for column in reversed(table.columns)}
+    return dict(reversed(columns.items())) | {column: column for column in table.columns}
+
+
+def _resolve(text: str, name: str, table: Table, columns: dict[str, str]) -> Chosen | None:
+    """The column that a mapping means: by its name, by another one, with minus and unit."""
+    plain, minus, unit = _decorated(text)
+    channel = name.rpartition("_")[0]
+    for words, sign, own in (
+        (text, False, ""),
+        (text.removeprefix("-").strip(), text.startswith("-"), ""),
+        (plain, minus, unit),
+    ):
+        for aliases in (
+            columns,
+            {alias: column for (of, alias), column in table.aliases.items() if of in ("", channel)},
+        ):
+            if words in aliases:
+                column = aliases[words]
+                return Chosen(column, sign, own or _unit_of(column, table), False)
+    return None
+
+
+def _expanded(
+    mapping: dict[str, str], table: Table, columns: dict[str, str], platform: Platform
+) -> list[tuple[str, str]]:
+    """A mapping in which ``wheel_fl=JOINT`` became one entry for each thing known of the joint."""
+    entries = []
+    for given, text in mapping.items():
+        name = _canonical(given, platform)
+        channels = {channel for channel, _ in table.aliases if channel}
+        if name.removeprefix("wheel_") not in platform.wheel_names or not name.startswith("wheel_"):
+            entries.append((name, text))
+            continue
+        wheel = name.removeprefix("wheel_")
+        there = [c for c in sorted(channels) if _resolve(text, f"{c}_{wheel}", table, columns)]
+        entries += [(f"{channel}_{wheel}", text) for channel in there] or [(name, text)]
+    return entries
+
+
+def _unit_of(column: str, table: Table) -> str:
+    return _decorated(column)[2] or table.units.get(column, "")
+
+
+def _factor(
+    record: Record, name: str, column: str, unit: str, gear: float | None, stated: bool
+) -> float | None:
+    """Factor to SI of a column; None where its unit makes it useless."""
+    if not unit:
+        return 1.0
+    try:
+        return factor_of(unit, name, record.platform, gear)
+    except UnitError as error:
+        if stated or name == "time" or name.startswith("wheel"):
+            remedy = f"give the unit in brackets, --map {name}='{_decorated(column)[0]} [UNIT]'"
+            record.refuse(str(error), f"column {column}", remedy)
+        else:
+            record.warn(str(error), f"column {column}", "the column is not used")
+    return None
 
 
 def _error(source: str, what: str, remedy: str) -> LogError:
     return LogError(source, [Finding("error", what, "header", remedy)])
 
 
-def _decorated(text: str) -> tuple[str, float, str]:
-    """Take ``-name [unit]`` apart: (name, factor to SI with sign, unit)."""
+def _decorated(text: str) -> tuple[str, bool, str]:
+    """Take ``-name [unit]`` apart: (name, whether there is a minus, unit)."""
     match = DECORATED.match(text)
     unit = (match["unit"] or "").strip()
-    if unit and unit not in SCALES:
-        return text, 1.0, ""
-    return match["name"], (-1.0 if match["minus"] else 1.0) * SCALES.get(unit, 1.0), unit
+    if unit and not known_unit(unit):
+        return text, False, ""
+    return match["name"], bool(match["minus"]), unit
 
 
 def _canonical(column: str, platform: Platform) -> str:

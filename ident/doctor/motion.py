@@ -13,14 +13,15 @@ AXES = ("forward", "sideways", "yaw")
 
 def check_velocity(record: Record) -> None:
     """Refuse a log without velocities."""
-    if not {"wheel_velocity", "body_velocity"} & set(record.channels):
+    if not {"wheel_velocity", "wheel_position", "body_velocity"} & set(record.channels):
         first = record.platform.wheel_names[0]
+        names = ", ".join(record.header[:40]) + (", ..." if len(record.header) > 40 else "")
         record.refuse(
-            "there are no velocities of wheels or body",
+            f"there are no velocities of wheels or body; the columns are {names}",
             "header",
             f"add wheel_velocity_{first} ... or body_velocity_x, body_velocity_y, yaw_rate (rename "
-            "with --map NAME=COLUMN); a record of one motor on a bench says nothing about the "
-            "platform",
+            f"with --map wheel_velocity_{first}=COLUMN and so on); a record of one motor on a "
+            "bench says nothing about the platform",
         )
 
 

@@ -25,6 +25,8 @@ class Record:
         unit_of_place: what ``lines`` counts.
         channels: (N, k) arrays by channel name.
         columns: names in the file, by channel.
+        header: all columns of the file.
+        units: declared unit of each log name that was found; empty where none was.
         breaks: (N,) true where a sample does not follow from the one before.
         findings: what was noticed so far.
         derived: what was computed from the channels; emptied whenever one changes.
@@ -40,6 +42,8 @@ class Record:
     accept: tuple[str, ...] = ()
     channels: dict[str, np.ndarray] = field(default_factory=dict)
     columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    header: tuple[str, ...] = ()
+    units: dict[str, str] = field(default_factory=dict)
     breaks: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     findings: list[Finding] = field(default_factory=list)
     derived: dict = field(default_factory=dict, repr=False)

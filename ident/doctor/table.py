@@ -21,6 +21,12 @@ class Table:
         unit_of_place: what ``lines`` counts ("line" of a text file, "row" or "message").
         names: log names of foreign columns, ``{log name: column}``.
         findings: what the loader had to put right.
+        aliases: other names of columns, for mappings: ``{(channel, name): column}``; an empty
+            channel is any.
+        usual: ``{log name: column}`` of the robot's logs; a column may be absent.
+        accept: names of findings that are no reason to refuse the log.
+        units: declared units of columns, by name.
+        unnamed: joints of which none could be told to be a wheel.
         platform: the wheel table that the file names, or None.
         foreign: what makes it look like a log of another robot than the youBot; empty for none.
         recording: what the file declares about how it was recorded, ``EFFECT=VALUE`` each.
@@ -32,6 +38,11 @@ class Table:
     names: dict[str, str] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
     recording: list[str] = field(default_factory=list)
+    aliases: dict[tuple[str, str], str] = field(default_factory=dict)
+    usual: dict[str, str] = field(default_factory=dict)
+    accept: tuple[str, ...] = ()
+    units: dict[str, str] = field(default_factory=dict)
+    unnamed: tuple[str, ...] = ()
     platform: Platform | None = None
     foreign: str = ""
 

@@ -7,6 +7,7 @@ import numpy as np
 from ident.doctor.evidence import hear
 from ident.doctor.record import Record
 from ident.doctor.smoothing import BODY_SOURCES, smooth
+from youbot_env.channels import SINGLE_COLUMNS
 
 MATCH = 0.08  # relative distance from the factor of a unit
 CLEAR = 0.8  # share of the wheel speeds a source must explain; noise makes it look larger
@@ -17,7 +18,8 @@ COMMON = {"measured": 1.5, "reference": 2.5}  # all wheels against others that s
 SINGLE_UNITS = ("rpm", "deg/s")  # what one wheel alone may be in
 FASTEST = 2.0  # m/s at the rim of a wheel
 FASTEST_BODY = np.array([8.0, 8.0, 20.0])  # m/s, m/s, rad/s
-BODY_UNITS = {"mm": 1e3, "cm": 1e2}
+BODY_UNITS = {"mm": 1e3, "cm": 1e2, "in": 1 / 0.0254}
+ASKED = {"in": "inches"}  # nobody means these who works in SI: told, with what would settle it
 DEGREES = 180 / np.pi
 
 
@@ -184,8 +186,16 @@ def _body_unit(record: Record, source: str, axes: np.ndarray) -> None:
         told.append("deg")
     if told:
         record.set(source, record.channels[source] / factors)
-        what = f"{source} is in {' and '.join(told)}"
-        record.fixed(what, record.name(source), "turned into SI units")
+        what = f"{source} is in {' and '.join(ASKED.get(unit, unit) for unit in told)}"
+        if unit in ASKED:
+            size = f"{float(np.mean(lengths)):.4g} times what the others say"
+            pairs = zip(SINGLE_COLUMNS[source][:2], record.columns[source], strict=False)
+            word = unit if source == "pose" else f"{unit}/s"
+            declared = " ".join(f"--map {name}='{column} [{word}]'" for name, column in pairs)
+            remedy = f"turned into m; is it so? then say it with {declared}"
+            record.warn(f"{what}: {size}", record.name(source, [0, 1]), remedy)
+        else:
+            record.fixed(what, record.name(source), "turned into SI units")
 
 
 def _compare(record: Record, source: str, axes: np.ndarray, witness: str) -> None:

@@ -9,11 +9,15 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from ident.doctor.declared import known_unit
 from ident.loaders.base import Loader, Table, head, refuse
+from ident.loaders.echo import name_joints
+from ident.loaders.stamps import find_time
 from youbot_env.platform import Platform
 
 SEPARATORS = (",", ";", "\t")
 MOST_COLUMNS = 2000
+MOST_HEADERS = 4  # lines beyond the names
 NUMBER = re.compile(
     r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE
 )
@@ -43,6 +47,8 @@ class DelimitedLoader(Loader):
             table.recording += [
                 item for item in re.split(r"[,;]\s*|\s+", line.decode("utf-8", "replace")) if item
             ]
+        find_time(table)
+        name_joints(table, platform)
         return table
 
 
@@ -92,6 +98,7 @@ def parse(data: bytes, path: Path) -> Table:
     begins = np.concatenate([[0], ends[:-1] + 1])
     number, names, separator = _header(data, begins, ends, path)
     table = Table({}, np.empty(0, int))
+    number += _more_headers(table, data, begins[number:], ends[number:], names, separator)
     begins, ends = begins[number:], ends[number:]
     lines = np.arange(number + 1, number + 1 + len(begins))
     if not len(lines):
@@ -175,6 +182,36 @@ def _header(data: bytes, begins, ends, path: Path) -> tuple[int, list[str], str]
     if twice:
         raise refuse(path, f"columns {twice} stand there twice", where, "rename or delete one")
     return number, names, separator
+
+
+def _more_headers(table: Table, data: bytes, begins, ends, names, separator: str) -> int:
+    """Take further lines of a header, units and other names of the columns; return how many."""
+    count, told = 0, []
+    for begin, end in zip(begins[:MOST_HEADERS], ends, strict=False):
+        cells = _split(data[begin:end].decode("utf-8", "replace"), separator)
+        words = [cell for cell in cells if cell]
+        # Data that begin with a line of missing values have a time there.
+        if not words or len(cells) != len(names) or any(NUMBER.match(word) for word in words):
+            break
+        count += 1
+        known = sum(known_unit(word.strip("[]()")) for word in words)
+        if known > 0.5 * len(words):
+            table.units |= {
+                name: cell.strip("[]()") for name, cell in zip(names, cells, strict=True) if cell
+            }
+            told.append("units")
+        elif len(set(words)) == len(words):
+            pairs = zip(names, cells, strict=True)
+            table.aliases |= {("", cell): name for name, cell in pairs if cell}
+            told.append("other names")
+        else:
+            told.append("text")
+    if told:
+        table.tell(
+            f"{count + 1} header lines: names, {', '.join(told)}", "header",
+            "units are used, columns go by any of their names",
+        )  # fmt: skip
+    return count
 
 
 def _cells(data: bytes, separator: str, begins, ends) -> np.ndarray:

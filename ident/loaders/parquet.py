@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ident.loaders.base import Loader, Table, head, refuse
+from ident.loaders.stamps import find_time
 from youbot_env.platform import Platform
 
 
@@ -40,4 +41,5 @@ class ParquetLoader(Loader):
             elif column.dtype == pl.Datetime:
                 column = column.dt.epoch("ns").cast(pl.Float64) * 1e-9
             table.columns[name] = column
+        find_time(table)
         return table

@@ -4,23 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-
-def joint_values(message, names: list[str]) -> list[float] | None:
-    """Position, velocity and effort of the named joints; None when one is absent.
-
-    The topic is shared with the arm and carries casters, so joints are found by name.
-    """
-    there = {name: place for place, name in enumerate(message.name)}
-    if not all(name in there for name in names):
-        return None
-    places = [there[name] for name in names]
-    row = []
-    for values in (message.position, message.velocity, message.effort):
-        row += [float(values[p]) if p < len(values) else np.nan for p in places]
-    return row
-
 
 def _twist(twist) -> list[float]:
     return [twist.linear.x, twist.linear.y, twist.angular.z]

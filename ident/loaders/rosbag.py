@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from ident.loaders.base import Loader, Table, head, refuse
-from ident.loaders.ros_messages import FIELDS, PREFERENCE, joint_values
-from ident.loaders.youbot_driver import joint_name, sign
+from ident.loaders.joint_states import JOINTS, JointStates
+from ident.loaders.ros_messages import FIELDS, PREFERENCE
 from youbot_env.platform import Platform
 
-JOINTS = "sensor_msgs/msg/JointState"
 MAGIC = {b"#ROSBAG V": "ROS 1", b"\x89MCAP0\r\n": "MCAP", b"SQLite format 3": "sqlite3"}
 CLOCK_TOLERANCE = 0.05  # s, between the clocks of two topics
 
@@ -52,34 +51,40 @@ class RosbagLoader(Loader):
 
     def read(self, path: Path, platform: Platform) -> Table:
         """Collect the topics and bring them to one time."""
-        topics = _collect(path, platform)
-        joints = [name for name, topic in topics.items() if topic.kind == JOINTS]
-        if not joints:
-            names = [joint_name(wheel) for wheel in platform.wheel_names]
+        topics, states = _collect(path)
+        base = states.choose(platform)
+        if base is None:
+            joints = sorted({name for p in states.publishers for name in p.joints})
+            what = f"joints {joints}" if joints else f"topics of known types: {sorted(topics)}"
             raise refuse(
                 path,
-                f"no joint states with {names}; topics of known types: {sorted(topics)}",
+                f"no joint states of {len(platform.wheels)} wheels; {what}",
                 "bag",
                 "record the joint states of the base",
             )
-        base = topics[joints[0]]
-        received = np.array(base.received)
-        stamps = np.array(base.stamps)
+        chosen = states.publishers[base]
+        received, stamps = np.array(chosen.received), np.array(chosen.stamps)
         time = stamps if np.all(stamps > 0) else received
         table = Table({"time": time}, np.arange(1, len(time) + 1), "message")
         table.names = {"time": "time"}
         if time is received:
-            table.tell("joint states without header stamps", joints[0], "time of reception used")
-        _wheels(table, joints[0], np.array(base.rows), platform)
+            table.tell("joint states without header stamps", base.topic, "time of reception used")
+        for other in states.rivals(base, platform):
+            table.tell(
+                f"two publishers of the same joints: {len(time)} messages of {base}; "
+                f"{len(states.publishers[other].rows)} messages of {other}",
+                other.topic,
+                "the latter are left out; let one node alone publish the wheels",
+            )
+        states.fill(table, base, platform)
         shift = float(np.median(time - received))
         for name, topic in sorted(topics.items()):
-            if topic.kind != JOINTS:
-                _resample(table, name, topic, time, shift)
+            _resample(table, name, topic, time, shift)
         _name(table, topics)
         return table
 
 
-def _collect(path: Path, platform: Platform) -> dict[str, Topic]:
+def _collect(path: Path) -> tuple[dict[str, Topic], JointStates]:
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -87,26 +92,24 @@ def _collect(path: Path, platform: Platform) -> dict[str, Topic]:
         raise refuse(
             path, "reading bags needs the package rosbags", "bag", "pip install rosbags"
         ) from error
-    names = [joint_name(wheel) for wheel in platform.wheel_names]
     topics: dict[str, Topic] = {}
+    states = JointStates()
     try:
         store = get_typestore(Stores.ROS2_HUMBLE)
         with AnyReader([path], default_typestore=store) as reader:
             known = [c for c in reader.connections if c.msgtype in FIELDS or c.msgtype == JOINTS]
             for connection, stamp, raw in reader.messages(known) if known else ():
                 message = reader.deserialize(raw, connection.msgtype)
-                if connection.msgtype == JOINTS:
-                    row = joint_values(message, names)
-                else:
-                    row = FIELDS[connection.msgtype][1](message)
-                if row is None:
-                    continue
-                topic = topics.setdefault(connection.topic, Topic(connection.msgtype))
                 header = getattr(message, "header", None)
                 seconds = header.stamp.sec + 1e-9 * header.stamp.nanosec if header else np.nan
+                if connection.msgtype == JOINTS:
+                    node = getattr(connection.ext, "callerid", None) or ""
+                    states.add(connection.topic, node, message, seconds, stamp * 1e-9)
+                    continue
+                topic = topics.setdefault(connection.topic, Topic(connection.msgtype))
                 topic.stamps.append(seconds)
                 topic.received.append(stamp * 1e-9)
-                topic.rows.append(row)
+                topic.rows.append(FIELDS[connection.msgtype][1](message))
     # A damaged bag makes the library fail in many ways (struct, database, memory, its own).
     except Exception as error:
         raise refuse(
@@ -115,29 +118,7 @@ def _collect(path: Path, platform: Platform) -> dict[str, Topic]:
             "bag",
             "copy it again, or repair it (rosbag reindex, ros2 bag reindex)",
         ) from error
-    return topics
-
-
-def _wheels(table: Table, topic: str, rows: np.ndarray, platform: Platform) -> None:
-    """Add position, velocity and effort of the wheels in paper signs.
-
-    Positions of the stock driver are in paper signs already, velocities and efforts are not; the
-    doctor checks one against the other.
-    """
-    count = len(platform.wheels)
-    for place, (field_name, channel) in enumerate(
-        (("position", "wheel_position"), ("velocity", "wheel_velocity"), ("effort", "wheel_torque"))
-    ):
-        values = rows[:, place * count : (place + 1) * count]
-        if np.isnan(values).all() or (field_name == "effort" and not np.nan_to_num(values).any()):
-            continue
-        for column, wheel in enumerate(platform.wheel_names):
-            factor = 1.0 if field_name == "position" else sign(wheel, platform)
-            name = f"{topic}.{field_name}.{joint_name(wheel)}"
-            table.columns[name] = factor * values[:, column]
-            table.names[f"{channel}_{wheel}"] = name
-    if {sign(wheel, platform) for wheel in platform.wheel_names} != {1.0}:
-        table.tell("signs of the youBot driver", topic, "turned into paper signs")
+    return topics, states
 
 
 def _resample(table: Table, name: str, topic: Topic, time: np.ndarray, shift: float) -> None:
