@@ -7,8 +7,9 @@ the robot forward.
 from __future__ import annotations
 
 import hashlib
+import io
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -123,6 +124,7 @@ class Log:
         strict: bool = False,
         recording: Iterable[str] = (),
         accept: Iterable[str] = (),
+        lever: float | None = None,
     ) -> Log:
         """Read a log of any known format; every one passes the doctor.
 
@@ -139,6 +141,7 @@ class Log:
             recording: what is known of how the log was recorded, ``EFFECT=VALUE`` each
                 (``drive_hold=held``); it goes before what the file declares.
             accept: names of findings that are no reason to refuse the log.
+            lever: l + h, m, where it is not that of the wheel table, which is scaled to it.
 
         Raises:
             LogError: the log cannot be used; the message names row, column, value and remedy.
@@ -149,15 +152,18 @@ class Log:
         with ThreadPoolExecutor(1) as pool:  # hashing a large file takes as long as reading it
             digest = pool.submit(_digest, path)
             table = read(path, youbot() if given is None else given.platform)
-            if given is None and table.platform is None and table.foreign:
+            if given is None and table.platform is None and lever is None and table.foreign:
                 table.findings.append(Finding("warning", YOUBOT_TABLE, table.foreign, GIVE_TABLE))
             given = given or GivenPlatform(table.platform or youbot())
+            if lever is not None:
+                given = replace(given, platform=given.platform.with_lever(lever))
             table.usual = given.mapping
             kt, gear = kt or given.kt, gear or given.gear
             accepted = (*table.accept, *accept)
             record = examine(table, path.name, given.platform, mapping, kt, gear, accepted)
         platform = given.platform
-        findings = tuple(record.findings)
+        anew = {finding.what for finding in record.findings}
+        findings = (*(f for f in table.recalled if f.what not in anew), *record.findings)
         if strict and any(finding.severity == "warning" for finding in findings):
             raise LogError(path.name, [f for f in findings if f.severity == "warning"])
         try:
@@ -258,8 +264,13 @@ class Log:
         inside = (s - rows.start for s in self.starts if rows.start < s < rows.stop)
         return replace(self, **cut, name=name, starts=(0, *inside))
 
-    def save(self, path: str | Path) -> Path:
-        """Write the log as CSV, whole or not at all, and return the path."""
+    def save(self, path: str | Path, remembered: Mapping[str, str] | None = None) -> Path:
+        """Write the log as CSV, or as Parquet by the name's ending, and return the path.
+
+        Args:
+            path: written whole or not at all.
+            remembered: what the file says of itself, by ``ident.remembered.remember``.
+        """
         import polars as pl
 
         columns = {"time": self.time}
@@ -267,7 +278,13 @@ class Log:
             value = getattr(self, channel) if channel in FILED else None
             if value is not None:
                 columns |= dict(zip(names, value.reshape(len(value), -1).T, strict=True))
-        return write_atomically(path, pl.DataFrame(columns).write_csv().encode("utf-8"))
+        frame, said = pl.DataFrame(columns), dict(remembered or {})
+        if Path(path).suffix.lower() == ".parquet":
+            buffer = io.BytesIO()
+            frame.write_parquet(buffer, metadata=said)
+            return write_atomically(path, buffer.getvalue())
+        head = "".join(f"# {name}: {text}\n" for name, text in said.items())
+        return write_atomically(path, (head + frame.write_csv()).encode("utf-8"))
 
     def __repr__(self) -> str:
         there = [field.name for field in fields(self) if field.name in CHANNELS]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import inspect
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -124,15 +125,11 @@ class LogOptions:
 
     def given(self, model: Model) -> GivenPlatform | None:
         """The platform of an option or of a model that has its own; None where logs may say it."""
-        chosen = None if self.platform is None else read_platform(self.platform)
-        if chosen is None and (self.lever is not None or model.platform != youbot()):
-            chosen = GivenPlatform(model.platform)
-        if self.lever is not None:
-            try:
-                chosen = replace(chosen, platform=chosen.platform.with_lever(self.lever))
-            except ValueError as error:
-                raise ValueError(f"--lever {self.lever}: {error}") from error
-        return chosen
+        if self.lever is not None and not (math.isfinite(self.lever) and self.lever > 0):
+            raise ValueError(f"--lever {self.lever}: give l + h in m, a positive number")
+        if self.platform is not None:
+            return read_platform(self.platform)
+        return None if model.platform == youbot() else GivenPlatform(model.platform)
 
     def used_models(self, models: list[Model], logs: list[Log]) -> list[Model]:
         """Models on the platform of the logs; one that was measured elsewhere keeps its own."""
@@ -148,6 +145,7 @@ class LogOptions:
             self.gear,
             recording=self.recording or (),
             accept=tuple(self.accept or ()),
+            lever=self.lever,
         )
 
 

@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 from foreign_logs import make
 
+from ident.doctor import LogError
 from ident.log import Log
 from youbot_env.model_file import load_model
 from youbot_env.platform import mecanum, youbot
 
 SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
-READERS = ("identify", "diagnose", "improve", "compare", "calibrate_kinematics")
+READERS = ("identify", "diagnose", "improve", "compare", "calibrate_kinematics", "convert")
 OPTIONS = {"mapping", "kt", "gear", "platform", "lever", "recording", "accept"}
 
 
@@ -128,3 +129,50 @@ def test_compare_takes_what_identify_takes(run, tmp_path):
     status, _, errors = run("compare", *words)
     assert status == 0, errors
     assert json.loads((tmp_path / "out.json").read_text())["log"] == "log"
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_converted_log_needs_no_options(run, given, tmp_path, ending):
+    good = make(1500, platform=mecanum("own", 0.1, 0.2, 0.05, 0.01, 1.0))
+    text = good.save(tmp_path / "foreign.csv").read_text()
+    text = text.replace("wheel_torque_", "wheel_current_")
+    (tmp_path / "foreign.csv").write_text(text.replace("wheel_velocity_rl", "hinten [rad/s]"))
+    words = ["foreign.csv", "--platform", "R=0.05 r=0.01 l=0.1 h=0.1", "--lever", 0.3, "--kt", 0.1]
+    words += ["--gear", 10, "--map", "wheel_velocity_rl=hinten", "--recording", "drive_hold=held"]
+    status, shown, errors = run("convert", *words, "--out", f"clean.{ending}")
+    assert status == 0, errors
+    assert f"clean.{ending}: Log('foreign'" in shown
+    (log,), _ = given.LogOptions().read(load_model("nominal"), [f"clean.{ending}"])
+    assert log.platform.lever == pytest.approx(0.3)
+    assert log.recording == {"drive_hold": {"kind": 0.0}}
+    for channel in ("time", "wheel_velocity", "reference", "pose"):
+        assert getattr(log, channel) == pytest.approx(getattr(good, channel), abs=1e-12)
+    assert log.wheel_torque == pytest.approx(good.wheel_torque, abs=1e-12)
+    assert any("kt 0.1" in f.what and f.where.startswith("foreign.csv") for f in log.findings)
+    # What an option says goes before what the file remembers.
+    (log,), _ = given.LogOptions(lever=0.4).read(load_model("nominal"), [f"clean.{ending}"])
+    assert log.platform.lever == pytest.approx(0.4)
+
+
+def test_many_logs_are_converted_into_a_folder(run, tmp_path):
+    for number in (1, 2):
+        make(300 + number).save(tmp_path / f"{number}.csv")
+    (tmp_path / "bad.csv").write_text("time,a\n0,1\n")
+    status, _, errors = run("convert", "*.csv", "--out-dir", "clean", "--json", "said.json")
+    assert status == 0
+    assert "left out: bad.csv" in errors
+    assert sorted(p.name for p in (tmp_path / "clean").iterdir()) == ["1.parquet", "2.parquet"]
+    assert [one["log"] for one in json.loads((tmp_path / "said.json").read_text())["logs"]] == [
+        "1.csv", "2.csv",
+    ]  # fmt: skip
+    assert Log.load(tmp_path / "clean" / "1.parquet").platform == youbot()
+    for words in (["*.csv", "--out", "all.csv"], ["1.csv"], ["1.csv", "--out", "clean.xls"]):
+        assert run("convert", *words)[0] == 2
+    assert not (tmp_path / "all.csv").exists()
+
+
+def test_a_damaged_memory_is_told(tmp_path):
+    text = make(300).save(tmp_path / "log.csv").read_text()
+    (tmp_path / "log.csv").write_text('# platform: {"name": "x"}\n' + text)
+    with pytest.raises(LogError, match=r"platform: .*cannot be read"):
+        Log.load(tmp_path / "log.csv")

@@ -29,6 +29,7 @@ class Table:
         unnamed: joints of which none could be told to be a wheel.
         platform: the wheel table that the file names, or None.
         foreign: what makes it look like a log of another robot than the youBot; empty for none.
+        recalled: findings that a converted log remembers.
         recording: what the file declares about how it was recorded, ``EFFECT=VALUE`` each.
     """
 
@@ -37,6 +38,7 @@ class Table:
     unit_of_place: str = "line"
     names: dict[str, str] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
+    recalled: list[Finding] = field(default_factory=list)
     recording: list[str] = field(default_factory=list)
     aliases: dict[tuple[str, str], str] = field(default_factory=dict)
     usual: dict[str, str] = field(default_factory=dict)

@@ -13,6 +13,7 @@ from ident.doctor.declared import known_unit
 from ident.loaders.base import Loader, Table, head, refuse
 from ident.loaders.echo import name_joints
 from ident.loaders.stamps import find_time
+from ident.remembered import comments, recall
 from youbot_env.platform import Platform
 
 SEPARATORS = (",", ";", "\t")
@@ -21,8 +22,6 @@ MOST_HEADERS = 4  # lines beyond the names
 NUMBER = re.compile(
     r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE
 )
-# A comment that says how the rows came to be.
-DECLARATION = re.compile(rb"^#+[ \t]*recording:[ \t]*(.*?)[ \t]*$", re.MULTILINE)
 
 
 class DelimitedLoader(Loader):
@@ -43,10 +42,10 @@ class DelimitedLoader(Loader):
         """Read all cells as text; the doctor turns them into numbers and names bad ones."""
         data = _text(path)
         table = parse(data, path)
-        for line in DECLARATION.findall(data):
-            table.recording += [
-                item for item in re.split(r"[,;]\s*|\s+", line.decode("utf-8", "replace")) if item
-            ]
+        try:
+            recall(table, comments(data))
+        except ValueError as error:
+            raise refuse(path, str(error), "comments", "correct or remove the line") from error
         find_time(table)
         name_joints(table, platform)
         return table

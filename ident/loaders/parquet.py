@@ -8,6 +8,7 @@ import numpy as np
 
 from ident.loaders.base import Loader, Table, head, refuse
 from ident.loaders.stamps import find_time
+from ident.remembered import NAMES, recall
 from youbot_env.platform import Platform
 
 
@@ -27,14 +28,17 @@ class ParquetLoader(Loader):
 
         try:
             frame = pl.read_parquet(path)
-            stated = pl.read_parquet_metadata(path).get("recording", "")
+            stated = pl.read_parquet_metadata(path)
         except (pl.exceptions.PolarsError, OSError, ValueError) as error:
             text = str(error).splitlines()[0]
             raise refuse(path, f"damaged Parquet ({text})", "file", "copy it again") from error
         if not len(frame):
             raise refuse(path, "there is no row", "file", "record again")
         table = Table({}, np.arange(1, len(frame) + 1), "row")
-        table.recording = [item for item in stated.replace(",", " ").split() if item]
+        try:
+            recall(table, {name: stated[name] for name in NAMES if name in stated})
+        except ValueError as error:
+            raise refuse(path, str(error), "metadata", "write the file again") from error
         for name, column in zip(frame.columns, frame.iter_columns(), strict=True):
             if column.dtype == pl.Duration:
                 column = column.dt.total_nanoseconds().cast(pl.Float64) * 1e-9
