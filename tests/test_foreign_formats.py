@@ -284,6 +284,19 @@ def test_unsigned_currents_get_a_sign(tmp_path, commanded):
     assert told(log, "the set speed") == commanded
 
 
+def test_currents_of_16_bits_read_as_unsigned_are_no_magnitudes(tmp_path):
+    good = make()
+    frame = pl.read_csv(good.save(tmp_path / "log.csv"))
+    names = {f"wheel_torque_{w}": f"wheel_current_{w}" for w in WHEELS}
+    counts = np.mod(np.round(good.wheel_torque / 0.01), 65536)
+    frame.with_columns(pl.Series(n, 0.01 * counts[:, k]) for k, n in enumerate(names)).rename(
+        names
+    ).write_csv(tmp_path / "log.csv")
+    with pytest.raises(LogError) as refused:
+        Log.load(tmp_path / "log.csv", kt=0.1, gear=10.0)
+    assert "magnitudes" not in " ".join(map(str, refused.value.findings))
+
+
 # Platforms
 
 
@@ -302,6 +315,30 @@ def test_the_youbots_table_is_not_taken_for_granted(tmp_path):
         log = Log.load(tmp_path / "log.csv", platform)
         assert not told(log, "youBot's wheel table")
         assert log.platform.lever == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("channel", ["pose", "body_velocity"])
+def test_a_lever_that_pose_or_gyro_contradict_is_told_with_its_value(tmp_path, channel):
+    good = make(2500)
+    frame = pl.read_csv(good.save(tmp_path / "log.csv"))
+    if channel == "body_velocity":
+        measured = ("body_velocity_x", "body_velocity_y", "yaw_rate")
+        commanded = ("reference_vx", "reference_vy", "reference_yaw_rate")
+        names = dict(zip(commanded, measured, strict=True))
+        frame = frame.drop("x", "y", "yaw").rename(names)
+    else:
+        frame = frame.drop("reference_vx", "reference_vy", "reference_yaw_rate")
+    frame.write_csv(tmp_path / "log.csv")
+    assert not told(Log.load(tmp_path / "log.csv"), "lever")
+    # The same robot read with a table of too wide a base, and told of its lever.
+    wide = "R=0.0475 r=0.014 l=0.2 h=0.2355"
+    log = Log.load(tmp_path / "log.csv", wide)
+    (finding,) = [f for f in log.findings if "turns as with a lever" in f.what]
+    assert "l + h of 0.38" in finding.what
+    assert "the wheel table has 0.435 m" in finding.what
+    value = float(finding.remedy.split("--lever ")[1].split(";")[0])
+    assert value == pytest.approx(youbot().lever, rel=0.01)
+    assert not told(Log.load(tmp_path / "log.csv", wide, lever=value), "lever")
 
 
 def test_public_cases_of_formats():

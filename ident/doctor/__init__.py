@@ -12,6 +12,7 @@ from ident.doctor.effort import check_effort
 from ident.doctor.finding import Finding, LogError
 from ident.doctor.frozen import check_frozen
 from ident.doctor.heading import check_heading
+from ident.doctor.lever import check_lever
 from ident.doctor.motion import check_length, check_motion, check_velocity
 from ident.doctor.pieces import check_pieces
 from ident.doctor.positions import check_positions
@@ -55,6 +56,7 @@ CHECKS = (
     check_motion,
     check_agreement,
     check_scales,
+    check_lever,
 )
 
 

@@ -10,12 +10,18 @@ from ident.doctor.record import Record
 STANDS = 1e-3
 # Share of its moving rows in which a wheel turns backwards, so that a signed current would show it.
 BACKWARDS = 0.2
+# Least share of values in the middle half of the range: magnitudes pass it on their way to zero.  A
+# signed current read as unsigned leaves it empty, for it jumps from nothing to the range's end.  On
+# 72 real runs with magnitudes the share is 0.48 or more.
+MIDDLE = 0.02
 
 
 def check_unsigned(record: Record) -> None:
     """Give magnitudes of currents the sign of the set speed, else that of the motion."""
     current = record.get("wheel_current")
     if current is None or np.any(current < 0) or not np.any(current > 0):
+        return
+    if np.mean(np.abs(current / np.percentile(current, 99) - 0.5) < 0.25) < MIDDLE:
         return
     command, speed = record.get("reference"), record.get("wheel_velocity")
     set_speed = None if command is None else command @ record.platform.jacobian_array.T
