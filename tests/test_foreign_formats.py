@@ -292,9 +292,12 @@ def test_currents_of_16_bits_read_as_unsigned_are_no_magnitudes(tmp_path):
     frame.with_columns(pl.Series(n, 0.01 * counts[:, k]) for k, n in enumerate(names)).rename(
         names
     ).write_csv(tmp_path / "log.csv")
-    with pytest.raises(LogError) as refused:
-        Log.load(tmp_path / "log.csv", kt=0.1, gear=10.0)
-    assert "magnitudes" not in " ".join(map(str, refused.value.findings))
+    try:
+        found = Log.load(tmp_path / "log.csv", kt=0.1, gear=10.0).findings
+    except LogError as error:
+        found = error.findings
+    assert found
+    assert not any("magnitudes" in str(finding) for finding in found)
 
 
 # Platforms
