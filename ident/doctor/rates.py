@@ -15,7 +15,7 @@ from ident.doctor.record import Record
 # wheels a tick is fine, yet ticks are read up to 17 ms before their row, and their changes scatter
 # 1.1 to 2.7 times as much as the speeds logged in steps of 2.8 rad/s of the motor.
 FINER = 2.0
-COARSE = 0.02  # of the largest speed: finer steps do no harm
+COARSE = 0.01  # of the largest speed: finer steps do no harm
 AGREE = 0.9  # correlation of a logged speed with the change of its angle
 FEW = 0.2  # distinct values a row, below which a column comes in steps
 SAME = 1e-6  # of the largest value: what differs by less is the same, but for rounding

@@ -13,6 +13,7 @@ import numpy as np
 import polars as pl
 
 from ident.loaders.base import Loader, Table, head, refuse
+from ident.loaders.wheel_names import corner
 from ident.loaders.youbot_driver import sign
 from youbot_env.platform import Platform
 
@@ -21,10 +22,6 @@ HEADER = "# time [milliseconds]"
 TIME, ANGLE, VELOCITY, CURRENT, TORQUE = 0, 8, 10, 12, 13
 WIDTH = 14
 NUMBERS = {"1": "fl", "2": "fr", "3": "rl", "4": "rr"}
-WORDS = {
-    "fl": r"fl|front_?left", "fr": r"fr|front_?right",
-    "rl": r"[br]l|(back|rear)_?left", "rr": r"[br]r|(back|rear)_?right",
-}  # fmt: skip
 
 
 class DataTraceLoader(Loader):
@@ -97,10 +94,9 @@ def _wheel(file: Path, folder: Path) -> str:
     comments = [line for line in head(file, 4096).decode("utf-8", "replace").splitlines()
                 if line.startswith("#") and not line.startswith(HEADER)]  # fmt: skip
     for text in (str(file.relative_to(folder)), *comments):
-        plain = re.sub(r"[\s\-./:]+", "_", text.lower())
-        for wheel, words in WORDS.items():
-            if re.search(rf"(^|_)({words})(_|$)", plain):
-                return wheel
+        if corner(text):
+            return corner(text)
+        plain = text.lower()
         if "firmware" not in plain and "date" not in plain:
             digits = re.findall(r"(?<!\d)[1-4](?!\d)", plain)
             if digits:
