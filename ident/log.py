@@ -152,8 +152,7 @@ class Log:
         with ThreadPoolExecutor(1) as pool:  # hashing a large file takes as long as reading it
             digest = pool.submit(_digest, path)
             table = read(path, youbot() if given is None else given.platform)
-            if given is None and table.platform is None and lever is None and table.foreign:
-                table.findings.append(Finding("warning", YOUBOT_TABLE, table.foreign, GIVE_TABLE))
+            unknown = given is None and table.platform is None and lever is None
             given = given or GivenPlatform(table.platform or youbot())
             if lever is not None:
                 given = replace(given, platform=given.platform.with_lever(lever))
@@ -162,6 +161,10 @@ class Log:
             accepted = (*table.accept, *accept)
             record = examine(table, path.name, given.platform, mapping, kt, gear, accepted)
         platform = given.platform
+        if unknown and "wheel_duty" in record.channels:
+            table.foreign = table.foreign or record.name("wheel_duty")
+        if unknown and table.foreign:
+            record.warn(YOUBOT_TABLE, table.foreign, GIVE_TABLE)
         anew = {finding.what for finding in record.findings}
         findings = (*(f for f in table.recalled if f.what not in anew), *record.findings)
         if strict and any(finding.severity == "warning" for finding in findings):

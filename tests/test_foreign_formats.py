@@ -90,6 +90,22 @@ def test_two_publishers_on_joint_states(tmp_path, frame):
     assert not frame or "frame 'other': position of front_left_wheel_joint" in finding.what
 
 
+def test_publishers_of_zeros_and_of_nothing_do_not_speak_for_the_wheels(tmp_path):
+    good = make(300)
+
+    def all_of_them():
+        for t, names, *values in states(good, NAMES):
+            yield t, names, *values
+            for frame, filler in (("zeros", 0.0), ("nothing", np.nan)):
+                for part in (0.1, 0.2):
+                    yield t + part * good.dt, names, *([np.full(4, filler)] * 3), frame
+
+    messages = sorted(all_of_them(), key=lambda message: message[0])
+    log = Log.load(write_joints(tmp_path / "bag", messages))
+    np.testing.assert_allclose(log.wheel_velocity, good.wheel_velocity, atol=1e-9)
+    assert told(log, "frame 'zeros'")
+
+
 def test_matching_of_wheel_names():
     assert (
         list(match_wheels([*NAMES, "arm_joint_1", "front_left_caster"], youbot()).values()) == NAMES
@@ -122,6 +138,22 @@ def test_rostopic_echo(tmp_path):
     named = {f"field.name{k}": [n] * 600 for k, n in enumerate(reversed(NAMES))}
     pl.DataFrame(columns | named).write_csv(path)
     np.testing.assert_allclose(Log.load(path).wheel_torque, good.wheel_torque, atol=1e-9)
+
+
+@pytest.mark.parametrize("style", ["/joint_states/{}/{}", "{}_{}", "{}.{} [{unit}]"])
+def test_a_column_for_each_joint(tmp_path, style):
+    good = make(600)
+    columns, words = {"__time": good.time}, {"velocity": "rad/s", "effort": "N m"}
+    for k, name in enumerate(NAMES):
+        for word, unit in words.items():
+            values = good.wheel_velocity if word == "velocity" else good.wheel_torque
+            columns[style.format(name, word, unit=unit)] = values[:, k]
+            columns[style.format(name, f"{word}_command", unit=unit)] = 0 * values[:, k]
+    pl.DataFrame(columns).write_csv(tmp_path / "log.csv")
+    log = Log.load(tmp_path / "log.csv")
+    np.testing.assert_allclose(log.wheel_velocity, good.wheel_velocity, atol=1e-9)
+    np.testing.assert_allclose(log.wheel_torque, good.wheel_torque, atol=1e-9)
+    assert told(log, "looks like a log of another robot")
 
 
 @pytest.mark.parametrize("names", [
@@ -233,6 +265,8 @@ def test_speeds_come_from_angles_where_those_are_finer(tmp_path):
     inner = slice(1, -1)
     np.testing.assert_allclose(log.wheel_velocity[inner], good.wheel_velocity[inner], atol=0.02)
     assert told(log, "the speeds are taken from the angles")
+    log = Log.load(with_angles(tmp_path, good, np.round(300 * angles(good)), coarse))
+    assert not told(log, "taken from the angles")  # in a unit that nobody says
     fine = good.wheel_velocity + 1e-3 * np.random.default_rng(0).standard_normal(coarse.shape)
     log = Log.load(with_angles(tmp_path, good, np.round(angles(good), 2), fine))
     np.testing.assert_array_equal(log.wheel_velocity, fine)

@@ -243,6 +243,11 @@ def _decorated(text: str) -> tuple[str, bool, str]:
     return match["name"], bool(match["minus"]), unit
 
 
+def log_name(column: str, platform: Platform) -> str:
+    """The log name that a column's name spells, whatever its unit; any text where it spells none."""
+    return _canonical(_decorated(column)[0], platform)
+
+
 def _canonical(column: str, platform: Platform) -> str:
     """Lower case, underscores, and the corner names of the driver (bl, br) as rl, rr."""
     name = re.sub(r"[\s.\-]+", "_", column.strip().lower())

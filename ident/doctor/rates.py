@@ -16,6 +16,7 @@ from ident.doctor.record import Record
 # 1.1 to 2.7 times as much as the speeds logged in steps of 2.8 rad/s of the motor.
 FINER = 2.0
 COARSE = 0.01  # of the largest speed: finer steps do no harm
+ALIKE = 0.1  # relative difference between the sizes of speeds and changes of the angles
 AGREE = 0.9  # correlation of a logged speed with the change of its angle
 FEW = 0.2  # distinct values a row, below which a column comes in steps
 SAME = 1e-6  # of the largest value: what differs by less is the same, but for rounding
@@ -55,6 +56,8 @@ def check_rates(record: Record) -> None:
         record.columns["wheel_velocity"] = record.columns["wheel_position"]
         record.fixed("no wheel speeds", where, "taken from the change of the angles over two rows")
         return
+    if not ticks and not _same_size(speed, rate):
+        return  # of another unit, and nobody says of which
     largest = float(np.percentile(np.abs(speed), 99))
     step, least = _step(speed), max(_step(np.diff(own)) for own in angle.T) / (2 * record.dt)
     logged = max(_scatter(speed), step / np.sqrt(12))
@@ -130,6 +133,12 @@ def _alike(speed: np.ndarray, rate: np.ndarray) -> bool:
         each = np.abs(np.sum(speed * rate, axis=0)) / size
     moving = weight > 0.05 * weight.max()
     return bool(np.all(np.nan_to_num(each[moving]) > AGREE))
+
+
+def _same_size(speed: np.ndarray, rate: np.ndarray) -> bool:
+    """Whether changes of the angles are as large as the speeds say."""
+    size = float(np.sum(np.abs(rate)))
+    return bool(size and abs(float(np.sum(np.abs(speed))) / size - 1) < ALIKE)
 
 
 def _scatter(values: np.ndarray) -> float:

@@ -11,7 +11,7 @@ import polars as pl
 
 from ident.doctor.declared import known_unit
 from ident.loaders.base import Loader, Table, head, refuse
-from ident.loaders.echo import name_joints
+from ident.loaders.joint_columns import name_joints
 from ident.loaders.stamps import find_time
 from ident.remembered import comments, recall
 from youbot_env.platform import Platform

@@ -15,6 +15,7 @@ from youbot_env.platform import Platform
 JOINTS = "sensor_msgs/msg/JointState"
 # Fields of a message and the channels that they fill.
 FIELDS = {"position": "wheel_position", "velocity": "wheel_velocity", "effort": "wheel_torque"}
+WANTED = ("velocity", "effort", "position")  # first what is missed most
 
 
 class Publisher(NamedTuple):
@@ -55,6 +56,13 @@ class States:
     received: list[float] = field(default_factory=list)
     rows: list[np.ndarray] = field(default_factory=list)
 
+    def shows(self, name: str, publisher: Publisher) -> bool:
+        """Whether a field has other values than zeros, which some publishers fill in."""
+        if name not in publisher.fields:
+            return False
+        count, place = len(publisher.joints), tuple(FIELDS).index(name)
+        return any(row[place * count : (place + 1) * count].any() for row in self.rows)
+
     @property
     def steady(self) -> int:
         """How many different times the messages have."""
@@ -75,7 +83,11 @@ class JointStates:
         if order is None:
             order = self._orders[names] = np.argsort(names, kind="stable")
         there = {name: np.asarray(getattr(message, name), float) for name in FIELDS}
-        there = {name: v for name, v in there.items() if len(v) == len(names) and len(v)}
+        there = {
+            name: v
+            for name, v in there.items()
+            if len(v) == len(names) and len(v) and not np.isnan(v).all()
+        }
         joints = tuple(names[k] for k in order)
         publisher = Publisher(topic, node, message.header.frame_id, joints, tuple(there))
         states = self.publishers.setdefault(publisher, States())
@@ -85,7 +97,7 @@ class JointStates:
         states.received.append(received)
 
     def choose(self, platform: Platform) -> Publisher | None:
-        """The publisher of the wheels: with their names, with speeds, and with most messages.
+        """The publisher of the wheels: with their names, speeds and efforts, and most messages.
 
         Where no names fit, one with speeds of enough joints, so that they can be mapped.
         """
@@ -94,7 +106,8 @@ class JointStates:
 
         def worth(publisher: Publisher) -> tuple:
             named = bool(match_wheels(publisher.joints, platform))
-            return named, "velocity" in publisher.fields, self.publishers[publisher].steady
+            states = self.publishers[publisher]
+            return named, *(states.shows(name, publisher) for name in WANTED), states.steady
 
         return max(usable, key=worth, default=None)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ident.loaders.base import Loader, Table, head, refuse
+from ident.loaders.joint_columns import name_joints
 from ident.loaders.stamps import find_time
 from ident.remembered import NAMES, recall
 from youbot_env.platform import Platform
@@ -46,4 +47,5 @@ class ParquetLoader(Loader):
                 column = column.dt.epoch("ns").cast(pl.Float64) * 1e-9
             table.columns[name] = column
         find_time(table)
+        name_joints(table, platform)
         return table

@@ -15,7 +15,7 @@ from ident.loaders.base import Table
 # Words for the whole and the fractional part of a stamp.
 SECONDS, NANOSECONDS = ("sec", "secs", "seconds", "s"), ("nanosec", "nsec", "nsecs", "nanoseconds")
 # Columns that are a time of their own, the stamp of a message before the time of its arrival.
-STAMPS = ("header_stamp", "stamp", "timestamp", "time_stamp", "%time", "t")
+STAMPS = ("header_stamp", "stamp", "timestamp", "time_stamp", "__time", "%time", "t")
 BILLION = 1e-9
 
 
@@ -28,7 +28,8 @@ def find_time(table: Table) -> None:
         stem, word = _ends_with(name, SECONDS)
         if not word:
             continue
-        other = next((n for n in plain if _ends_with(n, NANOSECONDS) == (stem, _word(n))), None)
+        others = (n for n in plain if _ends_with(n, NANOSECONDS)[1] and n.startswith(stem))
+        other = next((n for n in others if _ends_with(n, NANOSECONDS)[0] == stem), None)
         if other is None:
             continue
         whole, part = _floats(table.columns[column]), _floats(table.columns[plain[other]])
@@ -47,11 +48,7 @@ def find_time(table: Table) -> None:
 def _plain(name: str) -> str:
     """Small letters and underscores, without unit and the ``field.`` of rostopic."""
     name = re.sub(r"\s*[\[(][^\])]*[\])]$", "", name.strip().lower())
-    return re.sub(r"[\s./\-]+", "_", name).removeprefix("field_").strip("_")
-
-
-def _word(name: str) -> str:
-    return name.rpartition("_")[2]
+    return re.sub(r"[\s./\-]+", "_", name).removeprefix("field_")
 
 
 def _ends_with(name: str, words: tuple[str, ...]) -> tuple[str, str]:
