@@ -59,8 +59,11 @@ def main(
         log, test = FIT, test or TEST
     before = load_model(model)
     with console.progress("calibrating", 3, "steps") as show:
-        (measured,), tests = options.read(before, [log], [] if test is None else [test])
-        before, untouched = used_model(before, [measured]), tests[0] if tests else None
+        logs, tests = options.read(before, [log], [] if test is None else [test])
+        if max(len(logs), len(tests)) > 1:
+            raise ValueError(f"{len(logs)} logs and {len(tests)} to judge by; give one of each")
+        measured, untouched = logs[0], tests[0] if tests else None
+        before = used_model(before, [measured])
         show(2)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # what is open is told below

@@ -197,6 +197,17 @@ def test_three_header_lines_separators_at_the_end_and_decimal_commas(tmp_path):
         Log.load(tmp_path / "log.csv", mapping=mapping | {"x": short[-1]})
 
 
+@pytest.mark.parametrize("above", ["Experiment 12\n", "Robot;omni\nDate;today\n\n", ""])
+@pytest.mark.parametrize("end", [";", ""])
+def test_lines_above_the_names(tmp_path, above, end):
+    good = make(600)
+    lines = good.save(tmp_path / "log.csv").read_text().replace(",", ";").splitlines()
+    (tmp_path / "log.csv").write_text(above + "\n".join([lines[0] + end, *lines[1:]]))
+    log = Log.load(tmp_path / "log.csv")
+    assert_same(log, good)
+    assert told(log, "lines above the names") == bool(above)
+
+
 @pytest.mark.parametrize(("unit", "channel", "factor"), [
     ("rpm", "wheel_velocity", 30 / np.pi), ("deg/s", "wheel_velocity", 180 / np.pi),
     ("m/s", "wheel_velocity", 0.0475), ("rpm motor", "wheel_velocity", 26 * 30 / np.pi),

@@ -244,7 +244,7 @@ def _decorated(text: str) -> tuple[str, bool, str]:
 
 
 def log_name(column: str, platform: Platform) -> str:
-    """The log name that a column's name spells, whatever its unit; any text where it spells none."""
+    """The log name that a column spells, whatever its unit; any text where it spells none."""
     return _canonical(_decorated(column)[0], platform)
 
 

@@ -18,6 +18,7 @@ from youbot_env.platform import Platform
 
 SEPARATORS = (",", ";", "\t")
 MOST_COLUMNS = 2000
+DEEPEST = 40  # lines among which the first row of numbers is looked for
 MOST_HEADERS = 4  # lines beyond the names
 NUMBER = re.compile(
     r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE
@@ -95,8 +96,10 @@ def parse(data: bytes, path: Path) -> Table:
     codes = np.frombuffer(data, np.uint8)
     ends = np.flatnonzero(codes == ord("\n"))
     begins = np.concatenate([[0], ends[:-1] + 1])
-    number, names, separator = _header(data, begins, ends, path)
     table = Table({}, np.empty(0, int))
+    number, names, separator = _header(
+        data, begins, ends, path, _preamble(table, data, begins, ends)
+    )
     number += _more_headers(table, data, begins[number:], ends[number:], names, separator)
     begins, ends = begins[number:], ends[number:]
     lines = np.arange(number + 1, number + 1 + len(begins))
@@ -109,6 +112,8 @@ def parse(data: bytes, path: Path) -> Table:
         cells = _cells(data, separator, begins, ends)
         if keep.any() and np.all(cells[keep][:-1] == len(names) + 1) and len(names) > 1:
             names = [*names, ""]  # a separator at the end of each row
+        elif keep.any() and not names[-1] and np.all(cells[keep][:-1] == len(names) - 1):
+            names = names[:-1]  # a separator at the end of the names alone
         wrong = keep & (cells != len(names))
         if wrong.any():
             _ragged(table, path, wrong, cells, lines, names, separator)
@@ -139,10 +144,36 @@ def _frame(body: bytes, separator: str, names: list[str]) -> pl.DataFrame:
         return pl.read_csv(io.BytesIO(body), **options)
 
 
-def _header(data: bytes, begins, ends, path: Path) -> tuple[int, list[str], str]:
+def _preamble(table: Table, data: bytes, begins, ends) -> int:
+    """Lines of text above the names, which have as many cells as the first row of numbers."""
+    texts = [
+        data[b:e].decode("utf-8", "replace") for b, e in zip(begins[:DEEPEST], ends, strict=False)
+    ]
+    rows = [(n, _split(t, _separator(t))) for n, t in enumerate(texts) if t.strip() and t[0] != "#"]
+    above: list[tuple[int, list[str]]] = []
+    for number, cells in rows:
+        if len(cells) > 2 and sum(map(_number, cells)) > 0.5 * len(cells):
+            break
+        above.append((number, cells))
+    else:
+        return 0
+    wide = {len(cells), len(cells) + 1}
+    if not above or len(above[0][1]) in wide or len(above[0][1]) == len(cells) - 1:
+        return 0
+    skipped = next((n for n, names in above if len(names) in wide), 0)
+    if skipped:
+        table.tell(f"{skipped} lines above the names", "line 1", "left out")
+    return skipped
+
+
+def _number(cell: str) -> bool:
+    return bool(NUMBER.match(cell))
+
+
+def _header(data: bytes, begins, ends, path: Path, skipped: int = 0) -> tuple[int, list[str], str]:
     """Return (lines up to and with the names, names, separator)."""
-    comment = ""
-    for number, (begin, end) in enumerate(zip(begins, ends, strict=True), 1):
+    comment, places = "", zip(begins[skipped:], ends[skipped:], strict=True)
+    for number, (begin, end) in enumerate(places, skipped + 1):
         line = data[begin:end].decode("utf-8", "replace").strip("\n ")
         if line.startswith("#"):
             comment = line.lstrip("# ")
@@ -151,7 +182,7 @@ def _header(data: bytes, begins, ends, path: Path) -> tuple[int, list[str], str]
             continue
         separator = _separator(line)
         names = _split(line, separator)
-        if all(NUMBER.match(name) or not name for name in names):
+        if all(_number(name) or not name for name in names):
             above = _split(comment, separator)
             if comment and len(above) == len(names):
                 return number - 1, above, separator
@@ -188,9 +219,10 @@ def _more_headers(table: Table, data: bytes, begins, ends, names, separator: str
     count, told = 0, []
     for begin, end in zip(begins[:MOST_HEADERS], ends, strict=False):
         cells = _split(data[begin:end].decode("utf-8", "replace"), separator)
+        cells = cells[:-1] if len(cells) == len(names) + 1 and not cells[-1] else cells
         words = [cell for cell in cells if cell]
         # Data that begin with a line of missing values have a time there.
-        if not words or len(cells) != len(names) or any(NUMBER.match(word) for word in words):
+        if not words or len(cells) != len(names) or any(map(_number, words)):
             break
         count += 1
         known = sum(known_unit(word.strip("[]()")) for word in words)
