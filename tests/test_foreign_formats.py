@@ -197,6 +197,21 @@ def test_three_header_lines_separators_at_the_end_and_decimal_commas(tmp_path):
         Log.load(tmp_path / "log.csv", mapping=mapping | {"x": short[-1]})
 
 
+@pytest.mark.parametrize(("name", "form"), [
+    ("timestamp_ms", lambda t: 1e3 * t), ("t_us", lambda t: np.round(1e6 * t).astype(np.int64)),
+    ("header.stamp", lambda t: np.round(1e9 * t).astype(np.int64)),
+    ("time", lambda t: [f"2026-03-01T12:{int(s // 60):02}:{s % 60:09.6f}Z" for s in t]),
+    ("Timestamp", lambda t: [f"2026-03-01 12:{int(s // 60):02}:{s % 60:06.3f}" for s in t]),
+])  # fmt: skip
+def test_stamps_of_other_names_units_and_forms(tmp_path, name, form):
+    good = make(600)
+    frame = pl.read_csv(good.save(tmp_path / "log.csv")).drop("time")
+    frame.with_columns(pl.Series(name, form(good.time))).write_csv(tmp_path / "log.csv")
+    log = Log.load(tmp_path / "log.csv")
+    np.testing.assert_allclose(log.time - log.time[0], good.time - good.time[0], atol=2e-6)
+    np.testing.assert_allclose(log.wheel_torque, good.wheel_torque, atol=1e-9)
+
+
 @pytest.mark.parametrize("above", ["Experiment 12\n", "Robot;omni\nDate;today\n\n", ""])
 @pytest.mark.parametrize("end", [";", ""])
 def test_lines_above_the_names(tmp_path, above, end):

@@ -118,7 +118,8 @@ def _wheels(record: Record, gains: dict[str, np.ndarray]) -> None:
         record.refuse(
             f"wheel speeds are {typical:.3g} times as large as {' and '.join(each)} say",
             where,
-            "check units, wheel radius and time; give a unit in brackets, NAME [rpm]",
+            f"check the units of the wheel speeds and of {' and '.join(each)}, wheel radius and "
+            "time; give a unit in brackets, NAME [rpm] or NAME [ft]",
         )
         return
     relative = np.nan_to_num(sizes / typical, nan=1.0)
@@ -224,7 +225,7 @@ def _plausible_body(record: Record) -> None:
         record.refuse(
             f"values up to {fastest[axis]:.4g} cannot be m/s and rad/s",
             record.name("body_velocity", [axis]),
-            "these are mm/s or deg/s: give the unit in brackets, NAME [mm/s]",
+            "these are mm/s, in/s or deg/s: give the unit in brackets, NAME [mm/s]",
         )
 
 

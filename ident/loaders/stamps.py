@@ -15,7 +15,9 @@ from ident.loaders.base import Table
 # Words for the whole and the fractional part of a stamp.
 SECONDS, NANOSECONDS = ("sec", "secs", "seconds", "s"), ("nanosec", "nsec", "nsecs", "nanoseconds")
 # Columns that are a time of their own, the stamp of a message before the time of its arrival.
-STAMPS = ("header_stamp", "stamp", "timestamp", "time_stamp", "__time", "%time", "t")
+STAMPS = ("header_stamp", "stamp", "timestamp", "time_stamp", "__time", "%time", "t", "time")
+# Units that may stand behind such a name.
+ENDS = {"": "", "_s": "s", "_ms": "ms", "_us": "us", "_ns": "ns", "_sec": "s"}
 BILLION = 1e-9
 
 
@@ -23,6 +25,7 @@ def find_time(table: Table) -> None:
     """Give a table its time, where it has none under that name."""
     plain = {_plain(name): name for name in reversed(table.columns)}
     if "time" in plain:
+        _from_dates(table, plain["time"])
         return
     for name, column in plain.items():
         stem, word = _ends_with(name, SECONDS)
@@ -39,10 +42,30 @@ def find_time(table: Table) -> None:
                 f"time is in {column} and {plain[other]}", "header", "put together as seconds"
             )
             return
-    for name in STAMPS:
-        if name in plain and _floats(table.columns[plain[name]]) is not None:
+    for name, unit in ((f"{word}{end}", unit) for word in STAMPS for end, unit in ENDS.items()):
+        if name not in plain:
+            continue
+        _from_dates(table, plain[name])
+        if _floats(table.columns[plain[name]]) is not None:
             table.names.setdefault("time", plain[name])
+            if unit:
+                table.units.setdefault(plain[name], unit)
             return
+
+
+def _from_dates(table: Table, column: str) -> None:
+    """Turn a column of dates with the time of day into seconds."""
+    cells = table.columns[column]
+    if not isinstance(cells, pl.Series) or cells.dtype != pl.String or _floats(cells) is not None:
+        return
+    try:
+        dates = cells.str.strip_chars(" \"'").str.to_datetime(time_unit="ns", strict=False)
+    except pl.exceptions.PolarsError:
+        return
+    if dates.null_count() < 0.1 * len(dates):
+        seconds = (dates - dates.drop_nulls()[0]).dt.total_nanoseconds().cast(pl.Float64) * BILLION
+        table.columns[column] = seconds
+        table.tell("dates with the time of day", f"column {column}", "turned into s from the first")
 
 
 def _plain(name: str) -> str:
