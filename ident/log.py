@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ident.declaration import parse_declaration
-from ident.doctor import Finding, LogError, examine
+from ident.doctor import Finding, LogError, check_accepted, examine
 from ident.loaders import read
 from ident.recent import Recent
 from youbot_env.channels import channel_columns
@@ -67,6 +67,7 @@ class Log:
             are means of what was logged, which hides it; None where they can tell themselves.
         starts: samples at which a contiguous piece begins, the first being 0.
         findings: what the doctor noticed.
+        accepted: names of the findings that the user accepted, of those that were there.
         recording: declared sensor effects with their values, by identifier; how a row came to be
             is then taken as given.
         digest: SHA-256 of the file in hexadecimal digits; empty for a log not read from a file.
@@ -87,6 +88,7 @@ class Log:
     drive_noise: np.ndarray | None = None
     starts: tuple[int, ...] = (0,)
     findings: tuple[Finding, ...] = ()
+    accepted: tuple[str, ...] = ()
     recording: dict[str, dict[str, float]] = field(default_factory=dict)
     digest: str = ""
     source: str = ""
@@ -139,15 +141,19 @@ class Log:
 
         Raises:
             LogError: the log cannot be used; the message names row, column, value and remedy.
+            ValueError: a name to accept is none.
         """
+        accept = check_accepted(accept)
         path = Path(path)
         with ThreadPoolExecutor(1) as pool:  # hashing a large file takes as long as reading it
             digest = pool.submit(_digest, path)
             table = read(path, platform or youbot())
             known, platform = platform or table.platform, platform or table.platform or youbot()
             if table.foreign and known is None:
-                table.findings.append(Finding("warning", YOUBOT_TABLE, table.foreign, GIVE_TABLE))
-            record = examine(table, path.name, platform, mapping, kt, gear, tuple(accept))
+                table.findings.append(
+                    Finding("warning", YOUBOT_TABLE, table.foreign, GIVE_TABLE, "platform")
+                )
+            record = examine(table, path.name, platform, mapping, kt, gear, accept)
         findings = tuple(record.findings)
         if strict and any(finding.severity == "warning" for finding in findings):
             raise LogError(path.name, [f for f in findings if f.severity == "warning"])
@@ -168,6 +174,7 @@ class Log:
             **values,
             starts=(0, *(np.flatnonzero(record.breaks[1:]) + 1).tolist()),
             findings=findings,
+            accepted=record.accepted,
             recording=stated,
             digest=digest.result(),
             source=path.name,

@@ -9,7 +9,7 @@ from ident.doctor.columns import examine_columns
 from ident.doctor.drive import check_drive
 from ident.doctor.dropouts import check_dropouts
 from ident.doctor.effort import check_effort
-from ident.doctor.finding import Finding, LogError
+from ident.doctor.finding import Finding, LogError, check_accepted
 from ident.doctor.frozen import check_frozen
 from ident.doctor.heading import check_heading
 from ident.doctor.motion import check_length, check_motion, check_velocity
@@ -26,7 +26,7 @@ from ident.doctor.units import check_angle, check_units
 from ident.doctor.world import check_world
 from youbot_env.platform import Platform
 
-__all__ = ["Finding", "LogError", "Record", "examine"]
+__all__ = ["Finding", "LogError", "Record", "check_accepted", "examine"]
 
 # In this order: each check relies on what those before it have put right.
 CHECKS = (

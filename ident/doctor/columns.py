@@ -55,16 +55,18 @@ def examine_columns(
         if factor < 0:
             turned.setdefault("negated as the mapping asks", []).append(column)
     for what, columns in turned.items():
-        record.fixed(what, "columns " + ", ".join(columns), "used like this")
+        record.fixed("units", what, "columns " + ", ".join(columns), "used like this")
     record.stop_on_error()
     if missing:
         names = list(table.columns)
         near = difflib.get_close_matches("time", [n.lower() for n in names], 1, 0.5)
         hint = f" (is it {near[0]!r}?)" if near else ""
         record.refuse(
+            "columns",
             f"there is no column 'time'; the columns are {names[:40]}",
             "header",
             f"name it with --map time=COLUMN{hint}",
+            final=True,
         )
         record.stop_on_error()
     record.time = numbers["time"]
@@ -74,9 +76,11 @@ def examine_columns(
         if there and len(there) < len(names):
             absent = [name for name in names if name not in numbers]
             record.refuse(
+                "columns",
                 f"{there} without {absent}",
                 "header",
                 f"add the columns or name them with --map {absent[0]}=COLUMN",
+                final=True,
             )
         elif there:
             record.channels[channel] = np.stack([numbers[name] for name in names], axis=1)
@@ -87,7 +91,7 @@ def examine_columns(
     unknown = [c for c in table.columns if c not in used and not c.lower().startswith("imu_")]
     if unknown:
         listed = ", ".join(unknown[:30]) + (", ..." if len(unknown) > 30 else "")
-        record.fixed(f"{len(unknown)} unknown columns: {listed}", "header", "ignored")
+        record.fixed("columns", f"{len(unknown)} unknown columns: {listed}", "header", "ignored")
     return record
 
 
@@ -130,7 +134,7 @@ def _choose(
 
 
 def _error(source: str, what: str, remedy: str) -> LogError:
-    return LogError(source, [Finding("error", what, "header", remedy)])
+    return LogError(source, [Finding("error", what, "header", remedy, "columns")])
 
 
 def _decorated(text: str) -> tuple[str, float, str]:
@@ -166,10 +170,11 @@ def _numbers(cells, column: str, record: Record) -> np.ndarray:
         comma = text.str.contains(r"^[+-]?\d*,\d+([eE][+-]?\d+)?$").to_numpy()
         if bad.any() and np.all(comma[bad]):
             numbers = text.str.replace(",", ".").cast(pl.Float64, strict=False)
-            record.fixed("decimal commas", f"column {column}", "read as decimal points")
+            record.fixed("cells", "decimal commas", f"column {column}", "read as decimal points")
         elif bad.any():
             row = int(np.flatnonzero(bad)[0])
             record.refuse(
+                "cells",
                 f"{cells[row]!r} is not a number ({int(bad.sum())} such cells)",
                 f"{record.unit_of_place} {record.lines[row]}, column {column}",
                 "correct the cell, or leave it empty where the value is missing",

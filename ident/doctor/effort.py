@@ -43,13 +43,16 @@ def _impossible(record: Record, found: float, unit: str, low: float, high: float
     fits = [name for name, factor in UNITS.items() if low < found / factor < high]
     confirmed = any(source in record.channels for source in BODY_SOURCES)
     if low / UNUSUAL < found < high * UNUSUAL:
-        record.warn(what, where, "check the units of torques, kt and gear")
+        record.warn("mass", what, where, "check the units of torques, kt and gear")
     elif len(fits) == 1 and confirmed:
         factor = UNITS[fits[0]]
         record.set("wheel_torque", record.channels["wheel_torque"] / factor)
-        record.fixed(f"{what}: {fits[0]}", where, f"turned into N m ({found / factor:.3g} {unit})")
+        record.fixed(
+            "mass", f"{what}: {fits[0]}", where, f"turned into N m ({found / factor:.3g} {unit})"
+        )
     else:
         record.refuse(
+            "mass",
             f"{what}; this platform has {low:.3g} to {high:.3g} {unit}",
             where,
             "check the units of torques and wheel speeds, kt and gear, and the time; give a unit "
@@ -69,6 +72,7 @@ def _drives(record: Record, torque: np.ndarray, wheels: np.ndarray) -> bool:
     if not len(braking) and power.sum() >= BRAKING / 2 * np.sum(strength * speed):
         return True
     record.refuse(
+        "braking",
         f"torque against speed all the time: {power.min():.3g} W on average",
         record.name("wheel_torque", braking if len(braking) else None),
         "torque or speed has the other sign: say which with a minus before the column, "

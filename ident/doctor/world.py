@@ -42,6 +42,7 @@ def _source(record: Record, source: str) -> None:
     values[:, :2] = _turned(values[:, :2], -(heading + start))
     record.set(source, values)
     record.fixed(
+        "world_frame",
         f"{source} is in the axes of the world: the wheels explain {1 - left_world:.1%} of it "
         f"there and {1 - left_body:.1%} in those of the robot",
         record.name(source, [0, 1]),
