@@ -13,6 +13,7 @@ from ident.doctor.finding import Finding, LogError, check_accepted
 from ident.doctor.frozen import check_frozen
 from ident.doctor.heading import check_heading
 from ident.doctor.motion import check_length, check_motion, check_velocity
+from ident.doctor.overflow import check_overflow
 from ident.doctor.pieces import check_pieces
 from ident.doctor.positions import check_positions
 from ident.doctor.record import Record
@@ -33,6 +34,7 @@ CHECKS = (
     check_velocity,
     check_clock,
     check_cells,
+    check_overflow,
     check_drive,
     check_length,
     check_dropouts,

@@ -1,4 +1,4 @@
-"""What the doctor says about a log, the names of its findings, the error that stops a bad log."""
+"""What the doctor says about a log, names of its findings, and the error that stops a bad log."""
 
 from __future__ import annotations
 
