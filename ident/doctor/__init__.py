@@ -12,6 +12,7 @@ from ident.doctor.effort import check_effort
 from ident.doctor.finding import Finding, LogError, check_accepted
 from ident.doctor.frozen import check_frozen
 from ident.doctor.heading import check_heading
+from ident.doctor.jumps import check_jumps
 from ident.doctor.motion import check_length, check_motion, check_velocity
 from ident.doctor.overflow import check_overflow
 from ident.doctor.pieces import check_pieces
@@ -24,6 +25,7 @@ from ident.doctor.spikes import check_spikes
 from ident.doctor.stuck import check_stuck
 from ident.doctor.table import Table
 from ident.doctor.units import check_angle, check_units
+from ident.doctor.wheel_odometry import check_wheel_odometry
 from ident.doctor.world import check_world
 from youbot_env.platform import Platform
 
@@ -41,10 +43,12 @@ CHECKS = (
     check_resolution,
     check_stuck,
     check_frozen,
-    check_pieces,
     check_spikes,
     check_positions,
     check_angle,
+    check_jumps,
+    check_pieces,
+    check_wheel_odometry,
     check_world,
     check_signs,
     check_heading,

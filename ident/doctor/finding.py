@@ -32,6 +32,7 @@ NAMES = {
     "pieces": "pieces of a few samples",
     "spikes": "gross errors of single samples",
     "signs": "signs and order of columns",
+    "roller_hand": "rollers that form an O where the wheel table says X",
     "witness": "nothing, or little, that confirms the wheels",
     "world_frame": "velocities in the axes of the world",
     "turned_frame": "a frame turned against the robot's",
@@ -44,6 +45,7 @@ NAMES = {
     "scales": "factors between wheels and other witnesses of the motion",
     "lever": "yaw against the lever l + h of the wheel table",
     "wheel_scale": "one wheel against the others",
+    "pose_jumps": "a pose that jumps",
     "wheel_odometry": "a pose that was computed from the wheels",
 }
 

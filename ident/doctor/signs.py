@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ident.doctor.hand import check_hand
 from ident.doctor.record import Record
 from ident.doctor.smoothing import smooth
 from ident.doctor.turns import put_right
@@ -36,6 +37,9 @@ def check_signs(record: Record) -> None:
             "not used to check the wheels; look at its axes, units and clock",
         )
     faults = witnesses.faults()
+    wrong = not faults or any(fault.size != (0, 0) for fault in faults)
+    if wrong and check_hand(record, signals, witnesses, faults):
+        return
     if not faults:
         witnesses, faults = _one_liar(record, witnesses)
     if not faults:
