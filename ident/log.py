@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from ident.declaration import parse_declaration
-from ident.doctor import Finding, LogError, examine
+from ident.doctor import Finding, LogError, check_accepted, examine
 from ident.loaders import read
 from ident.recent import Recent
 from youbot_env.channels import channel_columns
@@ -69,6 +69,7 @@ class Log:
             are means of what was logged, which hides it; None where they can tell themselves.
         starts: samples at which a contiguous piece begins, the first being 0.
         findings: what the doctor noticed.
+        accepted: names of the findings that the user accepted, of those that were there.
         recording: declared sensor effects with their values, by identifier; how a row came to be
             is then taken as given.
         digest: SHA-256 of the file in hexadecimal digits; empty for a log not read from a file.
@@ -89,6 +90,7 @@ class Log:
     drive_noise: np.ndarray | None = None
     starts: tuple[int, ...] = (0,)
     findings: tuple[Finding, ...] = ()
+    accepted: tuple[str, ...] = ()
     recording: dict[str, dict[str, float]] = field(default_factory=dict)
     digest: str = ""
     source: str = ""
@@ -145,7 +147,9 @@ class Log:
 
         Raises:
             LogError: the log cannot be used; the message names row, column, value and remedy.
+            ValueError: a name to accept is none.
         """
+        accept = check_accepted(accept)
         path = Path(path)
         given = read_platform(platform) if isinstance(platform, str) else platform
         given = GivenPlatform(given) if isinstance(given, Platform) else given
@@ -164,7 +168,7 @@ class Log:
         if unknown and "wheel_duty" in record.channels:
             table.foreign = table.foreign or record.name("wheel_duty")
         if unknown and table.foreign:
-            record.warn(YOUBOT_TABLE, table.foreign, GIVE_TABLE)
+            record.warn("platform", YOUBOT_TABLE, table.foreign, GIVE_TABLE)
         anew = {finding.what for finding in record.findings}
         findings = (*(f for f in table.recalled if f.what not in anew), *record.findings)
         if strict and any(finding.severity == "warning" for finding in findings):
@@ -186,6 +190,7 @@ class Log:
             **values,
             starts=(0, *(np.flatnonzero(record.breaks[1:]) + 1).tolist()),
             findings=findings,
+            accepted=record.accepted,
             recording=stated,
             digest=digest.result(),
             source=path.name,

@@ -18,6 +18,7 @@ from ident.recursive import sample_times
 from ident.regression import Regression, linear_names
 from ident.unseen import describe_motion, null_words, weak_words
 from youbot_env.model import Model
+from youbot_env.model_file import load_model
 from youbot_env.parameters import x_scale
 from youbot_env.references import Reference, make_reference
 
@@ -36,6 +37,8 @@ LEAST = 3e-12
 SMALL = 0.1
 # Offset of the centre of mass that is worth knowing, in lengths of the wheel base's half diagonal.
 OFFSET = 0.05
+# A platform weighs this many times as much as its wheels, at least.
+WHEELS = 2.0
 
 
 @dataclass(frozen=True)
@@ -132,15 +135,37 @@ def scaled_energy(
 
 
 def parameter_sizes(names: tuple[str, ...], model: Model) -> np.ndarray:
-    """(P,) size of each parameter, SI: its value, or what is typical where that is nearly zero."""
+    """(P,) size of each parameter, SI: its value, or what is typical where that is smaller."""
     values = dict(zip(model.names(), model.values(), strict=True))
-    first_moment = OFFSET * model.platform.reach * model.parameters.m0
-    least = {"max": first_moment, "may": first_moment}
+    least = typical_sizes(model)
     for active in model.effects:
         for flat in active.values:
             least[f"{active.identifier}.{flat}"] = abs(active.effect.parameter_of(flat).default)
     sizes = [max(abs(values[name]), least.get(name, 0.0)) for name in names]
     return np.array([size if size > 0 else 1.0 for size in sizes])
+
+
+def typical_sizes(model: Model) -> dict[str, float]:
+    """Sizes of the seven parameters on a platform like the model's, SI, whatever it starts from.
+
+    Those of the data sheet, scaled so that a platform of another size fades out and swings as fast.
+    """
+    nominal, platform = load_model("nominal"), model.platform
+    sheet, own = nominal.parameters.theta(nominal.platform), nominal.platform
+    lightest = WHEELS * len(platform.wheels) * platform.wheel_mass
+    mass = max(abs(model.parameters.m0), lightest)
+    heavier = mass / sheet.m0
+    wheel = heavier * (platform.wheel_radius / own.wheel_radius) ** 2
+    roller = heavier * (platform.roller_radius / own.roller_radius) ** 2
+    return {
+        "m0": lightest,
+        "I0": sheet.I0 * heavier * (platform.reach / own.reach) ** 2,
+        "I1": sheet.I1 * wheel,
+        "max": OFFSET * platform.reach * mass,
+        "may": OFFSET * platform.reach * mass,
+        "mu1": sheet.mu1 * wheel,
+        "mu2": sheet.mu2 * roller,
+    }
 
 
 def coordinate_factors(names: tuple[str, ...], model: Model) -> np.ndarray:

@@ -30,7 +30,9 @@ def remember(log: Log, made: str, accept: Iterable[str] = ()) -> dict[str, str]:
         made: how the file came to be, in words.
         accept: names of findings that the log is used in spite of.
     """
-    found = [[f.severity, f.what, f"{log.source}, {f.where}", f.remedy] for f in log.findings]
+    found = [
+        [f.severity, f.what, f"{log.source}, {f.where}", f.remedy, f.name] for f in log.findings
+    ]
     entries = {
         "made": made,
         "platform": json.dumps(platform_to_dict(log.platform)),

@@ -13,6 +13,8 @@ import typer
 from given_logs import FIT, TEST, LogOptions, digests, reads_logs, used_model
 
 from ident.kinematics import Drift, KinematicCalibration, calibrate_kinematics
+from ident.log import Log
+from ident.report.findings import accepted, finding_lines, findings_json
 from youbot_env.model_file import load_model, save_model
 
 # What a table shows in place of a unit that no one thinks in.
@@ -71,15 +73,21 @@ def main(
         show(3)
     history = console.provenance(logs=digests([measured, *tests]))
     history.pop("seed")
+    history |= accepted([measured, *tests])
     if out is not None:
         calibrated = replace(result.model(before), name=out.stem, covariance=None)
         save_model(replace(calibrated, provenance=history), out)
     written = {"model": None if out is None else console.shown(out)}
-    console.write_json(json_file, result.as_dict() | written | {"provenance": history})
-    tell(result, out)
+    console.write_json(
+        json_file,
+        result.as_dict()
+        | written
+        | {"findings": findings_json([measured, *tests]), "provenance": history},
+    )
+    tell(result, [measured, *tests], out)
 
 
-def tell(result: KinematicCalibration, out: Path | None) -> None:
+def tell(result: KinematicCalibration, logs: list[Log], out: Path | None) -> None:
     """Say what was found: the numbers, what they are worth, and what they leave open."""
     console.table("Motion over what nominal odometry says", HEADS, rows(result.gains))
     console.out.print()
@@ -97,6 +105,7 @@ def tell(result: KinematicCalibration, out: Path | None) -> None:
             console.out.print()
     console.section("Undetermined by this log", list(result.undetermined))
     console.section("Remarks", list(result.remarks))
+    console.section("Log doctor", finding_lines(logs))
     if out is not None:
         text = "its masses and frictions belong to the old radius, identify them again with it"
         console.out.print(f"model: {console.shown(out)}; {text}", soft_wrap=True)

@@ -13,6 +13,7 @@ import typer
 from given_logs import TEST, LogOptions, Logs, digests, one_or_all, reads_logs
 
 from ident.comparison import Standing, compare, rank
+from ident.log import Log
 from ident.recording import in_words
 from ident.report.compare import comparison_page
 from ident.report.compare_words import (
@@ -28,6 +29,7 @@ from ident.report.compare_words import (
     verdict,
     where_rows,
 )
+from ident.report.findings import accepted, finding_lines, findings_json
 from youbot_env.model import Model
 from youbot_env.model_file import find_model, load_model
 
@@ -69,10 +71,10 @@ def main(
     steps = len(models) + (report is not None)
     with console.progress("comparing", steps, "steps") as show:
         standings = rank(compare(one_or_all(records), models, window, seed, show), seed)
-        history = console.provenance(seed, digests(records))
+        history = console.provenance(seed, digests(records)) | accepted(records)
         # Where every simulation runs away there is nothing to draw.
         drawable = report is not None and bool(np.isfinite(standings[0].comparison.run.nrmse))
-        page = comparison_page(standings, console.in_words(history)) if drawable else None
+        page = comparison_page(standings, console.in_words(history), records) if drawable else None
         show(steps)
     result = {
         "log": " + ".join(record.name for record in records),
@@ -80,9 +82,10 @@ def main(
         "models": [s.comparison.as_dict() for s in in_order(standings, models)],
         "ranking": [standing.as_dict() for standing in standings],
         "window": window,
+        "findings": findings_json(records),
     }
     console.write_json(json_file, result | {"provenance": history})
-    tell(standings, None if page is None else page.write(report))
+    tell(standings, records, None if page is None else page.write(report))
 
 
 def read_models(words: tuple[str, ...] | list[str]) -> list[Model]:
@@ -120,7 +123,7 @@ def in_order(standings: list[Standing], models: list[Model]) -> list[Standing]:
     return sorted(standings, key=lambda standing: at[standing.comparison.model.name])
 
 
-def tell(standings: list[Standing], page: Path | None) -> None:
+def tell(standings: list[Standing], logs: list[Log], page: Path | None) -> None:
     """Say what was found: the verdict, then errors, then where and when they are."""
     best = standings[0].comparison
     console.out.print(verdict(standings), style="bold", soft_wrap=True)
@@ -154,6 +157,7 @@ def tell(standings: list[Standing], page: Path | None) -> None:
     console.out.print()
     head = ("stretch", "time s", "vx m/s", "vy m/s", "yaw rad/s", "error %", "of all error %")
     console.table(f"When the free run of {best.model.name} is worst", head, stretch_rows(best))
+    console.section("Log doctor", finding_lines(logs))
     hint = "add --report DIR for the page with the figures" if page is None else f"page: {page}"
     console.out.print(f"\n{hint}", soft_wrap=True)
 

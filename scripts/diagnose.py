@@ -23,6 +23,7 @@ from given_logs import (
 
 from ident.diagnosis.verdict import Diagnosis, diagnose
 from ident.recording import in_words
+from ident.report.findings import accepted, finding_lines, findings_json
 from youbot_env.model_file import load_model
 
 SHOWN = 8
@@ -56,8 +57,10 @@ def main(
     with console.err.status("reading") as status:
         found = diagnose(records, start, held, seed, lambda what: status.update(what))
     show(found)
-    history = console.provenance(seed, digests(everything))
-    console.write_json(json_file, found.as_dict() | {"provenance": history})
+    console.section("Log doctor", finding_lines(everything))
+    history = console.provenance(seed, digests(everything)) | accepted(everything)
+    result = found.as_dict() | {"findings": findings_json(everything), "provenance": history}
+    console.write_json(json_file, result)
     if report is not None:
         from ident.report.diagnose import diagnosis_page
 

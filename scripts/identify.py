@@ -28,6 +28,7 @@ from ident.blocks import MotionIdentification, cut_calibration, identify_by_moti
 from ident.identification import identify
 from ident.quantities import UNSEEN
 from ident.recording import in_words
+from ident.report.findings import accepted, finding_lines, findings_json
 from ident.report.identify import identification_page
 from ident.report.outcome import (
     Outcome,
@@ -115,6 +116,7 @@ def main(
         history |= {"method": result.method, "start": before.name}
         if tests:
             history["test_log"] = digests(tests)
+        history |= accepted([*measured, *tests])
         page = None if report is None else identification_page(outcome, console.in_words(history))
         show(4)
     usable = not outcome.problems
@@ -124,6 +126,7 @@ def main(
             write_posterior(result.model, posterior, seed, draws_file)
     written = {"model": console.shown(out) if usable else None}
     content = result.as_dict() | outcome.as_dict() | written
+    content["findings"] = findings_json([*measured, *tests])
     if decomposed is not None:
         content["by_motion"] = asdict(decomposed)
     console.write_json(json_file, content | {"provenance": history})
@@ -196,7 +199,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     console.section("Undetermined by these logs", seen.words)
     console.section("Invisible to logs of this kind", result.invisible)
     logs = [*result.logs, *([] if result.test is None else [result.test])]
-    console.section("Log doctor", [f"{log.name}: {f}" for log in logs for f in log.findings])
+    console.section("Log doctor", finding_lines(logs))
     if not outcome.untouched:
         console.section("Advice", ["give a log that is not fitted with --test to judge by"])
     console.out.print()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -30,6 +31,7 @@ from controllers.evaluation.subjects import Subject
 from ident.improvement import Improvement, improve
 from ident.log import Log
 from ident.recording import in_words
+from ident.report.findings import accepted, finding_lines, findings_json
 from ident.report.improve import (
     ERRORS_HEAD,
     base_head,
@@ -98,7 +100,7 @@ def main(
     records, tests = options.read(start, logs, test or ())
     everything, held = (*records, *tests), one_or_all(tests)
     start = used_model(start, records)
-    history = console.provenance(seed, digests(everything))
+    history = console.provenance(seed, digests(everything)) | accepted(everything)
     with console.err.status("reading") as status:
         done = improve(records, start, held, seed, status.update, out.stem)
         usable = bool(done.stages) and not done.problems
@@ -117,10 +119,12 @@ def main(
     result = done.as_dict() | {
         "model": console.shown(out) if usable else None,
         "tracking": asdict(tracking) if tracking else None,
+        "findings": findings_json(everything),
         "provenance": history,
     }
     console.write_json(json_file, result)
-    tell(done, gains, out if usable else None, None if page is None else page.write(report))
+    address = None if page is None else page.write(report)
+    tell(done, everything, gains, out if usable else None, address)
     if done.problems:
         raise console.CheckFailed(f"{out} is not written: {'; '.join(done.problems)}")
     if done.found.verdict == "cannot_say":
@@ -169,7 +173,13 @@ def bar(share: float) -> str:
     return "\u2588" * full + "\u00b7" * (BAR - full)
 
 
-def tell(done: Improvement, gains: list[str], out: Path | None, page: Path | None) -> None:
+def tell(
+    done: Improvement,
+    logs: Sequence[Log],
+    gains: list[str],
+    out: Path | None,
+    page: Path | None,
+) -> None:
     """Say what was added, how the error fell, and what to do with the model."""
     found = done.found
     console.out.print(verdict(done), style="bold", soft_wrap=True)
@@ -203,6 +213,7 @@ def tell(done: Improvement, gains: list[str], out: Path | None, page: Path | Non
     if found.experiment is not None:
         console.section("What to record next", [found.experiment.command])
     console.section("What the controllers gain", gains)
+    console.section("Log doctor", finding_lines(logs))
     console.out.print()
     if out is not None:
         console.out.print(f"model: {out}", soft_wrap=True)

@@ -14,6 +14,9 @@ MOST_CLIPPED = 0.05
 
 def unfit(log: Log) -> str:
     """Say why a log can decide nothing, and what to record; empty when it can."""
+    bent = [finding for finding in log.findings if finding.geometry]
+    if bent:
+        return f"{log.name}: {bent[0].message}"
     velocity = log.velocity()
     speed = float(np.sqrt(np.mean((velocity * (1.0, 1.0, log.platform.lever)) ** 2) * 3))
     if log.duration < LEAST_SECONDS:

@@ -9,11 +9,13 @@ from ident.doctor.columns import examine_columns
 from ident.doctor.drive import check_drive
 from ident.doctor.dropouts import check_dropouts
 from ident.doctor.effort import check_effort
-from ident.doctor.finding import Finding, LogError
+from ident.doctor.finding import Finding, LogError, check_accepted
 from ident.doctor.frozen import check_frozen
 from ident.doctor.heading import check_heading
+from ident.doctor.jumps import check_jumps
 from ident.doctor.lever import check_lever
 from ident.doctor.motion import check_length, check_motion, check_velocity
+from ident.doctor.overflow import check_overflow
 from ident.doctor.pieces import check_pieces
 from ident.doctor.positions import check_positions
 from ident.doctor.rates import check_rates
@@ -26,10 +28,11 @@ from ident.doctor.stuck import check_stuck
 from ident.doctor.table import Table
 from ident.doctor.units import check_angle, check_units
 from ident.doctor.unsigned import check_unsigned
+from ident.doctor.wheel_odometry import check_wheel_odometry
 from ident.doctor.world import check_world
 from youbot_env.platform import Platform
 
-__all__ = ["Finding", "LogError", "Record", "examine"]
+__all__ = ["Finding", "LogError", "Record", "check_accepted", "examine"]
 
 # In this order: each check relies on what those before it have put right.
 CHECKS = (
@@ -37,6 +40,7 @@ CHECKS = (
     check_clock,
     check_cells,
     check_rates,
+    check_overflow,
     check_unsigned,
     check_drive,
     check_length,
@@ -44,10 +48,12 @@ CHECKS = (
     check_resolution,
     check_stuck,
     check_frozen,
-    check_pieces,
     check_spikes,
     check_positions,
     check_angle,
+    check_jumps,
+    check_pieces,
+    check_wheel_odometry,
     check_world,
     check_signs,
     check_heading,

@@ -37,12 +37,14 @@ def _redundancy(record: Record) -> None:
     where = record.name("wheel_velocity")
     if offset > OFFSET:
         record.warn(
+            "offset",
             f"a wheel speed has an offset: {offset:.0%} of the rms always contradicts rolling",
             where,
             "check the zero of the sensors",
         )
     elif rms > SLIP:
         record.warn(
+            "slip",
             f"{rms:.0%} of the wheel speeds contradict rolling: slip, unequal wheels or noise",
             where,
             "check that no column is late or noisy; drive more gently",
@@ -92,6 +94,7 @@ def _tell(record: Record, lag: tuple[float, float, float], where: str) -> bool:
     if abs(late) < LAGS[0] / 2 or then < CLEAR or not better:
         return False
     record.warn(
+        "clock",
         f"{'late' if late > 0 else 'early'} by about {abs(late):.2g} s: the other channels then "
         f"explain {then:.0%} of it instead of {now:.0%}",
         where,

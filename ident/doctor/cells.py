@@ -25,13 +25,14 @@ def check_cells(record: Record) -> None:
     if cut.any():
         stretches = runs(cut)
         record.fixed(
+            "cells",
             f"{int(cut.sum())} samples in {len(stretches)} stretches have no value",
             record.place(stretches[0][0]),
             "cut out; the log is split there",
         )
         record.drop(cut, split=True)
     if len(record.time) < 2:
-        record.refuse("nothing is left", "file", "record again")
+        record.refuse("cells", "nothing is left", "file", "record again", final=True)
 
 
 def _column(record: Record, channel: str, column: int) -> np.ndarray:
@@ -49,16 +50,16 @@ def _column(record: Record, channel: str, column: int) -> np.ndarray:
     if channel in OPTIONAL:
         longest = LONGEST_HOLD / max(record.dt, 1e-9)
         if missing.all() or any(e - b > longest for b, e in inner):
-            record.warn(what, where, f"{channel} is left out")
+            record.warn("cells", what, where, f"{channel} is left out")
             del record.channels[channel]
             return none
         _fill(values, missing)
-        record.fixed(what, where, "interpolated")
+        record.fixed("cells", what, where, "interpolated")
         return none
-    if count > MOST_MISSING * len(values):
-        record.refuse(
-            f"{what}: {count / len(values):.0%} of the column", where, "record again, or mend it"
-        )
+    much = f"{what}: {count / len(values):.0%} of the column"
+    if count > MOST_MISSING * len(values) and record.refuse(
+        "cells", much, where, "record again, or mend it", final=bool(missing.all())
+    ):
         return none
     cut = missing.copy()
     for begin, end in inner:
@@ -66,7 +67,7 @@ def _column(record: Record, channel: str, column: int) -> np.ndarray:
             cut[begin:end] = False
     if (missing & ~cut).any():
         _fill(values, missing & ~cut)
-        record.fixed(what, where, f"up to {SHORT_RUN} in a row interpolated")
+        record.fixed("cells", what, where, f"up to {SHORT_RUN} in a row interpolated")
     return cut
 
 

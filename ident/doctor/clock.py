@@ -18,13 +18,17 @@ def check_clock(record: Record) -> None:
     missing = ~np.isfinite(record.time)
     if missing.any():
         where = record.place(int(np.flatnonzero(missing)[0]), None)
-        if missing.sum() > FEW * len(missing):
-            record.refuse(f"{int(missing.sum())} rows have no time", where, "record again")
+        what = f"{int(missing.sum())} rows have no time"
+        if missing.sum() > FEW * len(missing) and record.refuse(
+            "clock", what, where, "record again"
+        ):
             return
         record.drop(missing, split=False)
-        record.fixed(f"{int(missing.sum())} rows have no time", where, "rows left out")
+        record.fixed("clock", what, where, "rows left out")
     if len(record.time) < 2:
-        record.refuse(f"{len(record.time)} samples", "file", "record at least 2 s")
+        record.refuse(
+            "clock", f"{len(record.time)} samples", "file", "record at least 2 s", final=True
+        )
         return
     _unit(record)
     _order(record)
@@ -37,7 +41,13 @@ def _unit(record: Record) -> None:
     steps = np.abs(np.diff(record.time))
     steps = steps[steps > 0]
     if not len(steps):
-        record.refuse("time stands still", record.place(1), "record the time of each sample, s")
+        record.refuse(
+            "clock",
+            "time stands still",
+            record.place(1),
+            "record the time of each sample, s",
+            final=True,
+        )
         return
     step = float(np.median(steps))
     if FASTEST <= step <= SLOWEST:
@@ -47,6 +57,7 @@ def _unit(record: Record) -> None:
     unclear = step < UNCLEAR and step * len(record.time) < AN_HOUR
     if step < FASTEST or not fits or unclear:
         record.refuse(
+            "clock",
             f"the median time step is {step:.6g}; as seconds that is {1 / step:.6g} samples a "
             "second",
             "column time",
@@ -54,7 +65,9 @@ def _unit(record: Record) -> None:
         )
         return
     record.time = (record.time - record.time[0]) * UNITS[fits[0]]
-    record.fixed(f"the median time step is {step:.6g}: {fits[0]}", "column time", "turned into s")
+    record.fixed(
+        "clock", f"the median time step is {step:.6g}: {fits[0]}", "column time", "turned into s"
+    )
 
 
 def _order(record: Record) -> None:
@@ -70,25 +83,30 @@ def _order(record: Record) -> None:
         typical = np.median(sorted_steps)
         if np.all((sorted_steps > 0.3 * typical) & (sorted_steps < 1.7 * typical)):
             record.reorder(order)
-            record.fixed(what, where, "rows are out of order; sorted by time")
+            record.fixed("clock", what, where, "rows are out of order; sorted by time")
             return
         outside = _outside(record.time)
         if outside.sum() <= max(1, FEW * len(steps)):
             record.drop(outside, split=False)
-            record.fixed(what, where, f"{int(outside.sum())} rows with wrong times left out")
+            record.fixed(
+                "clock", what, where, f"{int(outside.sum())} rows with wrong times left out"
+            )
             repeated = np.diff(record.time) == 0
-        else:
-            record.refuse(what, where, "split the file there, or repair the time stamps")
+        elif record.refuse("clock", what, where, "split the file there, or repair the time stamps"):
             return
+        else:
+            record.drop(outside, split=True)
+            repeated = np.diff(record.time) == 0
     if repeated.any():
         row = int(np.flatnonzero(repeated)[0]) + 1
         what = f"time {record.time[row]:.9g} s stands there again ({int(repeated.sum())} times)"
         where = f"{record.place(row)}, column time"
-        if repeated.mean() > 0.1:
-            record.refuse(what, where, "record time with more digits, or one row per time")
+        if repeated.mean() > 0.1 and record.refuse(
+            "clock", what, where, "record time with more digits, or one row per time"
+        ):
             return
         record.drop(np.concatenate([[False], repeated]), split=False)
-        record.fixed(what, where, "repeated rows left out")
+        record.fixed("clock", what, where, "repeated rows left out")
 
 
 def _outside(time: np.ndarray) -> np.ndarray:
@@ -120,6 +138,7 @@ def _gaps(record: Record) -> None:
     if told:
         longest = max(told, key=lambda row: steps[row])
         record.fixed(
+            "clock",
             f"{len(told)} gaps in time, the longest {steps[longest]:.4g} s",
             f"{record.place(longest + 1)}, column time",
             "the log is split there",
@@ -128,6 +147,7 @@ def _gaps(record: Record) -> None:
     spread = float(np.std(inside)) / typical
     if spread > 0.25:
         record.warn(
+            "clock",
             f"time steps vary by {spread:.0%} of {typical:.4g} s (rms)",
             "column time",
             "used as they are; record at a steady rate where you can",

@@ -76,16 +76,18 @@ def examine_columns(
         if minus:
             turned.setdefault("negated as the mapping asks", []).append(column)
     for what, columns in turned.items():
-        record.fixed(what, "columns " + ", ".join(columns), "used like this")
+        record.fixed("units", what, "columns " + ", ".join(columns), "used like this")
     record.stop_on_error()
     if missing:
         names = list(table.columns)
         near = difflib.get_close_matches("time", [n.lower() for n in names], 1, 0.5)
         hint = f" (is it {near[0]!r}?)" if near else ""
         record.refuse(
+            "columns",
             f"there is no column 'time'; the columns are {names[:40]}",
             "header",
             f"name it with --map time=COLUMN{hint}",
+            final=True,
         )
         record.stop_on_error()
     record.time = numbers["time"]
@@ -95,9 +97,11 @@ def examine_columns(
         if there and len(there) < len(names):
             absent = [name for name in names if name not in numbers]
             record.refuse(
+                "columns",
                 f"{there} without {absent}",
                 "header",
                 f"add the columns or name them with --map {absent[0]}=COLUMN",
+                final=True,
             )
         elif there:
             record.channels[channel] = np.stack([numbers[name] for name in names], axis=1)
@@ -105,10 +109,12 @@ def examine_columns(
     if table.unnamed and not {"wheel_velocity", "wheel_position"} & set(record.channels):
         wheel = platform.wheel_names[0]
         record.refuse(
+            "columns",
             f"none of the joints could be told to be a wheel ({', '.join(platform.wheel_names)}); "
             f"the joints are {', '.join(table.unnamed[:40])}",
             "bag",
             f"name them with --map wheel_{wheel}=JOINT for each wheel",
+            final=True,
         )
     record.stop_on_error()
     used = {one.column for one in chosen.values()}
@@ -116,7 +122,7 @@ def examine_columns(
     unknown = [c for c in table.columns if c not in used and not c.lower().startswith("imu_")]
     if unknown:
         listed = ", ".join(unknown[:30]) + (", ..." if len(unknown) > 30 else "")
-        record.fixed(f"{len(unknown)} unknown columns: {listed}", "header", "ignored")
+        record.fixed("columns", f"{len(unknown)} unknown columns: {listed}", "header", "ignored")
     return record
 
 
@@ -132,7 +138,13 @@ def _choose(
     if there and len(there) < len(usual):
         absent = ", ".join(text for name, text in usual if (name, text) not in there)
         table.findings.append(
-            Finding("warning", f"no columns {absent}", "header", "the platform's file names them")
+            Finding(
+                "warning",
+                f"no columns {absent}",
+                "header",
+                "the platform's file names them",
+                "columns",
+            )
         )
     for name, text, of_user in [
         *((name, text, False) for name, text in table.names.items()),
@@ -224,14 +236,15 @@ def _factor(
     except UnitError as error:
         if stated or name == "time" or name.startswith("wheel"):
             remedy = f"give the unit in brackets, --map {name}='{_decorated(column)[0]} [UNIT]'"
-            record.refuse(str(error), f"column {column}", remedy)
+            if not record.refuse("units", str(error), f"column {column}", remedy):
+                return 1.0
         else:
-            record.warn(str(error), f"column {column}", "the column is not used")
+            record.warn("units", str(error), f"column {column}", "the column is not used")
     return None
 
 
 def _error(source: str, what: str, remedy: str) -> LogError:
-    return LogError(source, [Finding("error", what, "header", remedy)])
+    return LogError(source, [Finding("error", what, "header", remedy, "columns")])
 
 
 def _decorated(text: str) -> tuple[str, bool, str]:
@@ -272,10 +285,11 @@ def _numbers(cells, column: str, record: Record) -> np.ndarray:
         comma = text.str.contains(r"^[+-]?\d*,\d+([eE][+-]?\d+)?$").to_numpy()
         if bad.any() and np.all(comma[bad]):
             numbers = text.str.replace(",", ".").cast(pl.Float64, strict=False)
-            record.fixed("decimal commas", f"column {column}", "read as decimal points")
+            record.fixed("cells", "decimal commas", f"column {column}", "read as decimal points")
         elif bad.any():
             row = int(np.flatnonzero(bad)[0])
             record.refuse(
+                "cells",
                 f"{cells[row]!r} is not a number ({int(bad.sum())} such cells)",
                 f"{record.unit_of_place} {record.lines[row]}, column {column}",
                 "correct the cell, or leave it empty where the value is missing",

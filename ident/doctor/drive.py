@@ -28,12 +28,16 @@ def _current(record: Record) -> None:
     where = record.name("wheel_current")
     if np.percentile(np.abs(current), 99) > MOST_AMPERE:
         current = current * 1e-3
-        record.fixed(f"currents up to {np.abs(current).max() * 1e3:.0f}: mA", where, "turned to A")
+        record.fixed(
+            "units", f"currents up to {np.abs(current).max() * 1e3:.0f}: mA", where, "turned to A"
+        )
     if (kt is None or gear is None) and record.platform.name != "youbot":
         record.refuse(
+            "drive",
             "currents, but no torque constant or gear ratio",
             where,
             "give kt (N m per A at the motor) and gear (motor turns per wheel turn)",
+            final=True,
         )
         return
     kt = YOUBOT_KT if kt is None else kt
@@ -41,6 +45,7 @@ def _current(record: Record) -> None:
     record.channels["wheel_torque"] = current * kt * gear
     record.columns["wheel_torque"] = record.columns["wheel_current"]
     record.fixed(
+        "drive",
         f"wheel torque = current x kt {kt:.5g} N m/A x gear {gear:.5g}",
         where,
         "turned into N m at the wheel, before gear losses",
@@ -51,21 +56,32 @@ def _duty(record: Record) -> None:
     duty, where = record.channels["wheel_duty"], record.name("wheel_duty")
     largest = float(np.percentile(np.abs(duty), 99.5))
     if largest > MOST_PERCENT:
-        record.refuse(f"duty up to {largest:.4g}", where, "give duty as a fraction, -1 to 1")
+        record.refuse(
+            "duty",
+            f"duty up to {largest:.4g}",
+            where,
+            "give duty as a fraction, -1 to 1",
+            final=True,
+        )
         return
     if largest > 3.0:
         duty = duty / 100
-        record.fixed(f"duty up to {largest:.4g}: per cent", where, "divided by 100")
+        record.fixed("duty", f"duty up to {largest:.4g}: per cent", where, "divided by 100")
     beyond = np.abs(duty) > 1
     if beyond.any():
         record.fixed(
+            "duty",
             f"{int(beyond.sum())} duties beyond 1, up to {np.abs(duty).max():.4g}",
             where,
             "clipped to -1 ... 1 as the motor controller does",
         )
     if "battery_voltage" not in record.channels:
         record.refuse(
-            "duty cycles, but no battery_voltage", where, "add battery_voltage, V, to the log"
+            "duty",
+            "duty cycles, but no battery_voltage",
+            where,
+            "add battery_voltage, V, to the log",
+            final=True,
         )
         return
     record.channels["wheel_voltage"] = np.clip(duty, -1, 1) * record.channels["battery_voltage"]
@@ -79,19 +95,21 @@ def _battery(record: Record) -> None:
         return
     if np.median(np.abs(battery)) > 1000:
         battery *= 1e-3
-        record.fixed("battery in mV", record.name("battery_voltage"), "turned into V")
+        record.fixed("units", "battery in mV", record.name("battery_voltage"), "turned into V")
     dead = battery[:, 0] < DEAD_BATTERY
     if not dead.any():
         return
     where = record.place(int(np.flatnonzero(dead)[0]), "battery_voltage")
-    if dead.mean() > 0.2:
-        record.refuse(f"battery below {DEAD_BATTERY} V in {dead.mean():.0%} of the log", where,
-                      "record the battery voltage, V")  # fmt: skip
+    what = f"battery below {DEAD_BATTERY} V in {dead.mean():.0%} of the log"
+    if dead.mean() > 0.2 and record.refuse(
+        "battery", what, where, "record the battery voltage, V", final=bool(dead.all())
+    ):
         return
     good = np.flatnonzero(~dead)
     battery[dead, 0] = np.interp(np.flatnonzero(dead), good, battery[good, 0])
     longest = max(end - begin for begin, end in runs(dead))
     record.fixed(
+        "battery",
         f"battery at {0.0:.0f} V in {int(dead.sum())} samples ({longest} in a row): glitches",
         where,
         "replaced by the neighbouring values",
@@ -107,7 +125,7 @@ def _nothing(record: Record) -> None:
         "battery_voltage (rename with --map NAME=COLUMN)"
     )
     if "wheel_velocity" in record.channels and {"pose", "body_velocity"} & set(record.channels):
-        record.warn(what, "header", f"good for kinematics alone; for dynamics {remedy}")
+        record.warn("drive", what, "header", f"good for kinematics alone; for dynamics {remedy}")
         return
     remedy += "; a record of one motor on a bench says nothing about the platform"
-    record.refuse(what, "header", remedy)
+    record.refuse("drive", what, "header", remedy, final=True)

@@ -143,7 +143,7 @@ def _mend(
         f"from it ({len(stretches)} times, {width} in a row at most): failed reads"
     )
     if count > MOST_MISSING * len(failed):
-        record.refuse(what, where, "record again; log only values that were read")
+        record.refuse("failed_reads", what, where, "record again; log only values that were read")
         return cut
     bridged = 0
     for begin, end in stretches:
@@ -159,5 +159,5 @@ def _mend(
             cut[begin:end] = True
     done = [f"{bridged} stretches replaced by a line between their neighbours"] if bridged else []
     done += ["longer ones cut out; the log is split there"] if cut.any() else []
-    record.fixed(what, where, ", ".join(done))
+    record.fixed("failed_reads", what, where, ", ".join(done))
     return cut

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ident.doctor.finding import Finding
 from ident.doctor.record import Record, runs
 
 CHANNELS = ("wheel_velocity", "wheel_torque")
@@ -27,6 +28,7 @@ def check_frozen(record: Record) -> None:
     present = [c for c in CHANNELS if c in record.channels]
     if not present or len(record.time) < 100:
         return
+    told: list[Finding] = []
     same, joined = {}, np.ones(len(record.time), bool)
     for channel in present:
         values = record.channels[channel]
@@ -34,22 +36,25 @@ def check_frozen(record: Record) -> None:
         same[channel][1:] = (values[1:] == values[:-1]) & ~record.breaks[1:, None]
         joined &= same[channel].all(axis=1)
     cut = _frozen(record, joined, present, together=True, fewest=FEWEST)
-    _tell(record, cut, "all wheel channels", record.name(present[0]))
+    told += _told(record, cut, "all wheel channels", record.name(present[0]))
     if len(present) > 1:
         for channel in present:
             alike = same[channel].all(axis=1) & ~_beside(cut)
             found = _frozen(record, alike, [channel], together=True)
-            _tell(record, found, f"all columns of {channel}", record.name(channel))
+            told += _told(record, found, f"all columns of {channel}", record.name(channel))
             cut |= found
     for channel in present:
         for column in range(same[channel].shape[1]):
             alike = same[channel][:, column] & ~_beside(cut)
             found = _frozen(record, alike, [channel], together=False, column=column)
-            _tell(record, found, "the values", record.name(channel, [column]))
+            told += _told(record, found, "the values", record.name(channel, [column]))
             cut |= found
     if cut.mean() > MOST:
-        record.refuse(f"frozen in {cut.mean():.0%} of the log", "file", "record again")
+        record.refuse(
+            "frozen_rows", f"frozen in {cut.mean():.0%} of the log", "file", "record again"
+        )
     elif cut.any():
+        record.findings += told
         record.drop(cut, split=True)
 
 
@@ -58,18 +63,18 @@ def _beside(rows: np.ndarray) -> np.ndarray:
     return rows | np.concatenate([[False], rows[:-1]])
 
 
-def _tell(record: Record, rows: np.ndarray, what: str, where: str) -> None:
+def _told(record: Record, rows: np.ndarray, what: str, where: str) -> list[Finding]:
     stretches = runs(rows)
     if not stretches:
-        return
+        return []
     begin, end = max(stretches, key=lambda run: run[1] - run[0])
     seconds = record.time[end - 1] - record.time[begin]
-    record.fixed(
+    what = (
         f"{what} repeat the same digits for {seconds:.3g} s ({len(stretches)} such stretches, "
-        f"{rows.mean():.1%} of the rows): frozen",
-        f"{where}, {record.unit_of_place} {record.lines[begin]}",
-        "cut out; the log is split there",
+        f"{rows.mean():.1%} of the rows): frozen"
     )
+    where = f"{where}, {record.unit_of_place} {record.lines[begin]}"
+    return [Finding("fixed", what, where, "cut out; the log is split there", "frozen_rows")]
 
 
 def _frozen(

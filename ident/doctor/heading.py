@@ -34,11 +34,11 @@ def check_heading(record: Record) -> None:
         )
         where = record.name(source)
         if source == "reference":
-            record.warn(what, where, "left out; give it in the axes of the robot")
+            record.warn("turned_frame", what, where, "left out; give it in the axes of the robot")
             record.leave_out(source)
         else:
             put_right(record, source, turn_by(angle.value))
-            record.fixed(what, where, "a constant angle, taken out")
+            record.fixed("turned_frame", what, where, "a constant angle, taken out")
 
 
 def _turned(kinematic: Kinematic) -> bool:

@@ -36,6 +36,7 @@ def check_lever(record: Record) -> None:
         if abs(ratio - 1) > max(OFF, CLEAR * spread):
             lever, table = ratio * record.platform.lever, record.platform.lever
             record.warn(
+                "lever",
                 f"{source} turns as with a lever l + h of {lever:.3f} +- "
                 f"{CLEAR * spread * table:.3f} m, the wheel table has {table:.3f} m",
                 record.name(source, [2]),

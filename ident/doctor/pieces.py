@@ -18,8 +18,14 @@ def check_pieces(record: Record) -> None:
         return
     where = record.place(int(edges[np.flatnonzero(short)[0]]))
     if short.all():
-        record.refuse(f"{len(lengths)} pieces, none of {SHORTEST} samples", where, "record again")
+        record.refuse(
+            "pieces",
+            f"{len(lengths)} pieces, none of {SHORTEST} samples",
+            where,
+            "record again",
+            final=True,
+        )
         return
     record.drop(np.repeat(short, lengths), split=True)
     what = f"{int(short.sum())} pieces of less than {SHORTEST} samples between two breaks"
-    record.fixed(what, where, "left out")
+    record.fixed("pieces", what, where, "left out")

@@ -28,9 +28,11 @@ def check_positions(record: Record) -> None:
     where = record.name("wheel_velocity", opposite)
     if _contradiction(record, speed) > ROLLING > _contradiction(record, flipped):
         record.set("wheel_velocity", flipped)
-        record.fixed(what, where, "the angles roll without slip, the speeds took their signs")
+        record.fixed(
+            "signs", what, where, "the angles roll without slip, the speeds took their signs"
+        )
     else:
-        record.warn(what, where, "check the signs of both; the angles were not used")
+        record.warn("signs", what, where, "check the signs of both; the angles were not used")
 
 
 def _contradiction(record: Record, speed: np.ndarray) -> float:

@@ -42,10 +42,12 @@ def check_rates(record: Record) -> None:
         factor = None if speed is None else _turn(record, speed, rate)
         if factor is None:
             record.refuse(
+                "units",
                 "ticks, and nothing tells how many make a turn of the wheel",
                 record.name("wheel_position"),
                 f"give it for each wheel, --map {first}='NAME [ticks of N]', with "
                 "'motor' behind N where they make a turn of the motor",
+                final=True,
             )
             return
         angle, rate = factor * angle, factor * rate
@@ -54,7 +56,8 @@ def check_rates(record: Record) -> None:
     if speed is None:
         record.set("wheel_velocity", rate)
         record.columns["wheel_velocity"] = record.columns["wheel_position"]
-        record.fixed("no wheel speeds", where, "taken from the change of the angles over two rows")
+        remedy = "taken from the change of the angles over two rows"
+        record.fixed("velocities", "no wheel speeds", where, remedy)
         return
     if not ticks and not _same_size(speed, rate):
         return  # of another unit, and nobody says of which
@@ -66,6 +69,7 @@ def check_rates(record: Record) -> None:
         # Opposite signs are for the check of signs to judge.
         record.set("wheel_velocity", rate * np.where(np.sum(speed * rate, axis=0) < 0, -1.0, 1.0))
         record.fixed(
+            "units",
             f"wheel speeds come in steps of {step:.3g} rad/s and scatter by {logged:.2g}, the "
             f"change of their angles over two rows by {found:.2g}",
             where,
@@ -94,7 +98,7 @@ def _without_wraps(record: Record, angle: np.ndarray, period: float) -> np.ndarr
         return angle
     columns = np.flatnonzero(np.any(jumps > 0.75 * period, axis=0))
     record.fixed(
-        "counters of 16 bits run over", record.name("wheel_position", columns), "unwrapped"
+        "units", "counters of 16 bits run over", record.name("wheel_position", columns), "unwrapped"
     )
     return np.unwrap(angle, period=period, axis=0)
 
@@ -120,7 +124,7 @@ def _turn(record: Record, speed: np.ndarray, rate: np.ndarray) -> float | None:
     text = f"{count:.5g} ticks a turn of the wheel"
     if record.gear:
         text += f", {count / record.gear:.5g} a turn of the motor"
-    record.fixed(f"{text} (+- {spread / factor:.1%}), from the logged speeds",
+    record.fixed("units", f"{text} (+- {spread / factor:.1%}), from the logged speeds",
                  record.name("wheel_position"), "turned into rad")  # fmt: skip
     return factor
 

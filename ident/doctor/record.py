@@ -82,17 +82,46 @@ class Record:
         chosen = names if columns is None else [names[int(k)] for k in columns]
         return ("column " if len(chosen) == 1 else "columns ") + ", ".join(chosen)
 
-    def fixed(self, what: str, where: str, remedy: str) -> None:
+    def fixed(self, name: str, what: str, where: str, remedy: str) -> None:
         """Tell about a correction that was made."""
-        self.findings.append(Finding("fixed", what, where, remedy))
+        self.findings.append(Finding("fixed", what, where, remedy, name))
 
-    def warn(self, what: str, where: str, remedy: str) -> None:
-        """Tell about something unusual that was left as it is."""
-        self.findings.append(Finding("warning", what, where, remedy))
+    def warn(self, name: str, what: str, where: str, remedy: str, geometry: bool = False) -> None:
+        """Tell about something unusual that was left as it is.
 
-    def refuse(self, what: str, where: str, remedy: str) -> None:
-        """Note an error; the examination stops at the end of the present check."""
-        self.findings.append(Finding("error", what, where, remedy))
+        Args:
+            name: kind of finding.
+            what, where, remedy: see ``Finding``.
+            geometry: it bends the kinematics, unless the user accepts it.
+        """
+        if name in self.accept:
+            what, geometry = f"accepted: {what}", False
+        self.findings.append(Finding("warning", what, where, remedy, name, geometry=geometry))
+
+    def refuse(self, name: str, what: str, where: str, remedy: str, final: bool = False) -> bool:
+        """Note an error, at which the examination stops when the present check ends.
+
+        Args:
+            name: kind of finding.
+            what, where, remedy: see ``Finding``.
+            final: no log is left, so it cannot be accepted.
+
+        Returns:
+            Whether the log is refused; where the user accepts the finding it is told instead.
+        """
+        if name in self.accept and not final:
+            self.findings.append(
+                Finding("warning", f"accepted: {what}", where, "used as it is", name)
+            )
+            return False
+        self.findings.append(Finding("error", what, where, remedy, name, acceptable=not final))
+        return True
+
+    @property
+    def accepted(self) -> tuple[str, ...]:
+        """Names of the findings that would have counted, had the user not accepted them."""
+        there = {f.name for f in self.findings if f.what.startswith("accepted: ")}
+        return tuple(name for name in self.accept if name in there)
 
     def stop_on_error(self) -> None:
         """Raise ``LogError`` when an error was noted."""

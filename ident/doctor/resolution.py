@@ -39,6 +39,7 @@ def check_resolution(record: Record) -> None:
         if size and len(coarse):
             step = float(np.median(steps[coarse]))
             record.warn(
+                "resolution",
                 f"recorded in steps of {step:.4g}, {step / size:.0%} of the rms",
                 record.name(channel, coarse),
                 "used as it is; record with more digits or a finer sensor, the rounding adds "

@@ -87,11 +87,13 @@ def _tell_common(
         others = ""
     lengths = "time stamps scaled, " if source == "pose" else ""
     record.warn(
+        "scales",
         f"{source} is {factor:.3f} times what the wheel speeds say, on all axes alike "
         f"({_listed(_clear(kinematic))}){others}",
         record.name(source),
         f"check unit and gear of the wheel speeds, wheel radius, {lengths}unit of {source}; used "
         "as it is",
+        geometry=source != "reference",
     )
 
 
@@ -106,9 +108,11 @@ def _tell_axes(record: Record, source: str, kinematic: Kinematic) -> None:
         return
     cause = CAUSES.get(tuple(off), "units of these columns, the wheel table, or slip")
     record.warn(
+        "scales",
         f"{source} is not what the wheel speeds say: {_listed(off)} times as much",
         record.name(source, [SCALES.index(name) for name in off]),
         f"check: {cause}; used as it is",
+        geometry=set(off) != {"sideways"},
     )
 
 
@@ -129,6 +133,7 @@ def _wheels(record: Record) -> None:
         if any(f.where == where and "this wheel turns" in f.what for f in record.findings):
             continue
         record.warn(
+            "wheel_scale",
             f"this wheel turns {value[wheel]:.3f} +- {1.96 * se[wheel]:.3f} times as fast as the "
             f"others say, if {words}",
             where,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ident.doctor.hand import check_hand
 from ident.doctor.record import Record
 from ident.doctor.smoothing import smooth
 from ident.doctor.turns import put_right
@@ -22,6 +23,7 @@ def check_signs(record: Record) -> None:
     witnesses = Witnesses(record, signals)
     if not witnesses.sources and not witnesses.silent:
         record.warn(
+            "witness",
             "neither reference nor pose nor body velocity stands in the log",
             "header",
             "a sign common to all wheels, or left and right exchanged in all columns, cannot be "
@@ -29,11 +31,15 @@ def check_signs(record: Record) -> None:
         )
     for source, share in witnesses.silent.items():
         record.warn(
+            "witness",
             f"{source} explains {max(share, 0):.0%} of what the wheels do",
             record.name(source),
             "not used to check the wheels; look at its axes, units and clock",
         )
     faults = witnesses.faults()
+    wrong = not faults or any(fault.size != (0, 0) for fault in faults)
+    if wrong and check_hand(record, signals, witnesses, faults):
+        return
     if not faults:
         witnesses, faults = _one_liar(record, witnesses)
     if not faults:
@@ -47,6 +53,7 @@ def check_signs(record: Record) -> None:
     else:
         words = [fault.words(record, witnesses.drive) for fault in faults[:6]]
         record.refuse(
+            "signs",
             f"signs or order of columns are wrong, in one of {len(faults)} ways: "
             + "; or ".join(words),
             "header",
@@ -70,6 +77,7 @@ def _one_liar(record: Record, witnesses: Witnesses) -> tuple[Witnesses, list[Fau
         return witnesses, []
     source, fewer, faults = left_out[0]
     record.warn(
+        "signs",
         f"{source} contradicts all other channels",
         record.name(source),
         "left out; check its signs, order and frame (body X forward, Y left, yaw "
@@ -90,6 +98,7 @@ def _outvoted(record: Record, faults: list[Fault], witnesses: Witnesses) -> None
     words = " or ".join(fault.turn.words(source) for fault in faults[:3])
     drive = f" and {witnesses.drive}" if witnesses.drive and witnesses.wheels_agree() else ""
     record.warn(
+        "signs",
         f"{source} contradicts wheel_velocity{drive}, which agree with each other: {words}",
         record.name(source),
         f"{source} left out; correct its columns, with --map NAME=COLUMN and a minus for the "
@@ -127,7 +136,7 @@ def _repair(record: Record, fault: Fault, witnesses: Witnesses) -> None:
                 "; wheels and drive input agree with each other. If the sensor is right, all wheel "
                 "columns are named after another front of the robot"
             )
-    tell(words, where, remedy)
+    tell("turned_frame" if source else "signs", words, where, remedy)
 
 
 def _unexplained(record: Record, witnesses: Witnesses) -> None:
@@ -143,6 +152,7 @@ def _unexplained(record: Record, witnesses: Witnesses) -> None:
                 continue
             tell = record.refuse if agreement.min() < 0 else record.warn
             tell(
+                "signs",
                 f"{channel} does not follow the {source} (agreement {agreement.min():.2f}, 1 is "
                 "perfect), whatever signs and order",
                 record.name(channel, bad),

@@ -47,12 +47,14 @@ def _column(record: Record, channel: str, column: int, values: np.ndarray, share
     what = f"{int(spikes.sum())} spikes, the largest {values[row]:.5g}"
     where = record.place(row, channel, column)
     if spikes.mean() > MOST:
-        record.refuse(f"{what}: {spikes.mean():.0%} of the samples", where, "repair the sensor")
+        record.refuse(
+            "spikes", f"{what}: {spikes.mean():.0%} of the samples", where, "repair the sensor"
+        )
         return
     for begin, end in runs(spikes):
         around = [k for k in (begin - 1, end) if 0 <= k < len(values)]
         values[begin:end] = np.interp(np.arange(begin, end), around, values[around])
-    record.fixed(what, where, "replaced by their neighbours")
+    record.fixed("spikes", what, where, "replaced by their neighbours")
 
 
 def _peaks(step: np.ndarray, width: int) -> np.ndarray:

@@ -29,7 +29,9 @@ def check_stuck(record: Record) -> None:
             stuck = _column(record, channel, column, rms)
             if stuck.mean() > MOST_STUCK:
                 what = f"stands still or saturated in {stuck.mean():.0%} of the log"
-                record.refuse(what, record.name(channel, [column]), "repair the sensor")
+                where = record.name(channel, [column])
+                if not record.refuse("stuck_sensor", what, where, "repair the sensor"):
+                    continue
             cut |= stuck
     if cut.any():
         record.drop(cut, split=True)
@@ -43,7 +45,7 @@ def _column(record: Record, channel: str, column: int, rms: float) -> np.ndarray
     if len(limits) == 1:
         if np.any(np.ptp(values, axis=0) > 0):
             what = f"always {own[0]:.6g} while the others change"
-            record.refuse(what, record.name(channel, [column]), "repair the sensor")
+            record.refuse("stuck_sensor", what, record.name(channel, [column]), "repair the sensor")
         return stuck
     same, step = np.concatenate([[False], own[1:] == own[:-1]]), resolution(own)
     if channel != "wheel_velocity":
@@ -66,6 +68,7 @@ def _column(record: Record, channel: str, column: int, rms: float) -> np.ndarray
         seconds = record.time[end - 1] - record.time[begin]
         limit = "its limit " if float(own[begin]) in limits else ""
         record.fixed(
+            "stuck_sensor",
             f"stands at {limit}{own[begin]:.6g} for {seconds:.3g} s while the others change "
             f"({len(runs(stuck))} such stretches)",
             record.place(begin, channel, column),
@@ -99,6 +102,7 @@ def _limits(record: Record, channel: str, column: int, limits: set[float], step:
         if limit == 0 or there.mean() < SATURATED or max(e - b for b, e in runs(there)) < 3:
             continue
         record.warn(
+            "saturation",
             f"{there.mean():.1%} of the samples are exactly {limit:.6g}: saturated",
             record.name(channel, [column]),
             "drive more gently, or widen the range of the sensor",
@@ -118,6 +122,7 @@ def _held(record: Record, channel: str, column: int, same: np.ndarray, step: flo
     least = max(JUMP * rms, 1.5 * step)
     if repeated > HELD and len(jumps) and np.median(jumps) > least:
         record.warn(
+            "slow_sensor",
             f"{repeated:.0%} of the values repeat the one before: the sensor is slower than the "
             "log",
             record.name(channel, [column]),

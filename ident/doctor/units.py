@@ -60,7 +60,7 @@ def check_angle(record: Record) -> None:
     angle = np.deg2rad(degrees) if found else np.unwrap(pose[:, 2])
     record.set("pose", np.column_stack([pose[:, :2], angle]))
     if found:
-        record.fixed("yaw is in degrees", record.name("pose", [2]), "turned into rad")
+        record.fixed("units", "yaw is in degrees", record.name("pose", [2]), "turned into rad")
 
 
 def check_units(record: Record) -> None:
@@ -111,11 +111,12 @@ def _wheels(record: Record, gains: dict[str, np.ndarray]) -> None:
     if common and all(_unit(float(np.nanmedian(size)), units) == common for size in each.values()):
         record.set("wheel_velocity", record.channels["wheel_velocity"] / units[common])
         what = f"wheel speeds are {typical:.4g} times what {' and '.join(each)} say: {common}"
-        record.fixed(what, where, "turned into rad/s")
+        record.fixed("units", what, where, "turned into rad/s")
         sizes, typical = sizes / units[common], typical / units[common]
     limit = COMMON["reference" if set(each) == {"reference"} else "measured"]
     if not 1 / limit < typical < limit:
         record.refuse(
+            "units",
             f"wheel speeds are {typical:.3g} times as large as {' and '.join(each)} say",
             where,
             f"check the units of the wheel speeds and of {' and '.join(each)}, wheel radius and "
@@ -141,12 +142,12 @@ def _wheel(record: Record, wheel: int, relative: float, units: dict[str, float])
         values = record.channels["wheel_velocity"].copy()
         values[:, wheel] /= units[unit]
         record.set("wheel_velocity", values)
-        record.fixed(f"{what}: {unit}", column, "turned into rad/s")
+        record.fixed("wheel_scale", f"{what}: {unit}", column, "turned into rad/s")
     elif 1 / WHEEL_REFUSED < relative < WHEEL_REFUSED:
-        record.warn(what, column, "check its radius and encoder")
+        record.warn("wheel_scale", what, column, "check its radius and encoder")
     else:
         remedy = "check its unit and encoder; give the unit in brackets, NAME [rpm]"
-        record.refuse(what, column, remedy)
+        record.refuse("wheel_scale", what, column, remedy)
 
 
 def _bodies(record: Record) -> None:
@@ -194,9 +195,9 @@ def _body_unit(record: Record, source: str, axes: np.ndarray) -> None:
             word = unit if source == "pose" else f"{unit}/s"
             declared = " ".join(f"--map {name}='{column} [{word}]'" for name, column in pairs)
             remedy = f"turned into m; is it so? then say it with {declared}"
-            record.warn(f"{what}: {size}", record.name(source, [0, 1]), remedy)
+            record.warn("units", f"{what}: {size}", record.name(source, [0, 1]), remedy)
         else:
-            record.fixed(what, record.name(source), "turned into SI units")
+            record.fixed("units", what, record.name(source), "turned into SI units")
 
 
 def _compare(record: Record, source: str, axes: np.ndarray, witness: str) -> None:
@@ -206,13 +207,19 @@ def _compare(record: Record, source: str, axes: np.ndarray, witness: str) -> Non
     if not wrong:
         return
     far = max(max(axes[k], 1 / axes[k]) for k in wrong) > FAR
-    tell = record.refuse if far and source == "body_velocity" else record.warn
-    tell(
-        f"{source} is {', '.join(f'{axes[k]:.3g}' for k in wrong)} times as large as {witness} say",
-        record.name(source, wrong),
-        "check units of these columns and of the wheel speeds, wheel radius and time; give a unit "
-        "in brackets, NAME [mm]",
+    what = (
+        f"{source} is {', '.join(f'{axes[k]:.3g}' for k in wrong)} times as large as {witness} say"
     )
+    where = record.name(source, wrong)
+    remedy = (
+        "check units of these columns and of the wheel speeds, wheel radius and time; give a unit "
+        "in brackets, NAME [mm]"
+    )
+    if far and source == "body_velocity":
+        record.refuse("units", what, where, remedy)
+    else:
+        # A robot need not do what it is told; what it is seen to do it does.
+        record.warn("units", what, where, remedy, geometry=source != "reference" and wrong != [1])
 
 
 def _plausible_body(record: Record) -> None:
@@ -223,6 +230,7 @@ def _plausible_body(record: Record) -> None:
     fastest = np.percentile(np.abs(measured), 99, axis=0)
     for axis in np.flatnonzero(fastest > FASTEST_BODY):
         record.refuse(
+            "units",
             f"values up to {fastest[axis]:.4g} cannot be m/s and rad/s",
             record.name("body_velocity", [axis]),
             "these are mm/s, in/s or deg/s: give the unit in brackets, NAME [mm/s]",
@@ -234,6 +242,7 @@ def _plausible_wheels(record: Record) -> None:
     fastest = float(np.percentile(np.abs(record.channels["wheel_velocity"]), 99))
     if fastest * record.platform.wheel_radius > FASTEST:
         record.refuse(
+            "units",
             f"wheels turn up to {fastest:.4g} rad/s, {fastest * record.platform.wheel_radius:.3g} "
             "m/s at the rim",
             record.name("wheel_velocity"),

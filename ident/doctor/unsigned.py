@@ -42,6 +42,7 @@ def check_unsigned(record: Record) -> None:
     record.set("wheel_current", signs * current)
     turning = record.name("wheel_current", np.flatnonzero(back))
     record.fixed(
+        "signs",
         f"currents are never negative while wheels turn backwards ({turning}): magnitudes alone",
         record.name("wheel_current"),
         f"given the sign of {', else of '.join(told)}, and 0 where the wheel stands; that is wrong "

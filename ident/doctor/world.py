@@ -1,7 +1,7 @@
 """Velocities in the axes of the world instead of those of the robot.
 
 Motion capture and simulators publish twists in world axes.  As long as the robot hardly turns they
-pass for those of the body; the wheels show the difference.
+pass for those of the body; the wheels show the difference, or else the pose.
 """
 
 from __future__ import annotations
@@ -12,24 +12,28 @@ from ident.doctor.odometry import wheel_twist
 from ident.doctor.record import Record
 from ident.doctor.smoothing import smooth
 
-EXPLAINED = 0.95  # share of the planar motion that the wheels explain in world axes
+EXPLAINED = 0.95  # share of the planar motion that wheels or pose explain in world axes
 LESS = 0.25  # of what they leave unexplained in body axes, what is left in world axes
 TURNS = 0.05  # rad rms, by which the robot must turn to tell
 
 
 def check_world(record: Record) -> None:
     """Turn velocities from world axes into those of the robot, where the wheels show it."""
-    if "wheel_velocity" not in record.channels or len(smooth(record).rows) < 100:
+    if len(smooth(record).rows) < 100:
         return
+    witness = next((w for w in ("wheel_velocity", "pose") if w in record.channels), "")
     for source in ("body_velocity", "reference"):
-        if source in record.channels:
-            _source(record, source)
+        if witness and source in record.channels:
+            _source(record, source, witness)
 
 
-def _source(record: Record, source: str) -> None:
+def _source(record: Record, source: str, witness: str) -> None:
     signals, rows = smooth(record).signals, smooth(record).rows
     shown = signals[source][:, :2]
-    rolled = wheel_twist(signals["wheel_velocity"], record.platform)[:, :2]
+    rolled = signals[witness]
+    if witness == "wheel_velocity":
+        rolled = wheel_twist(rolled, record.platform)
+    rolled = rolled[:, :2]
     heading = _heading(record)
     if np.std(heading[rows]) < TURNS or not np.any(shown):
         return
@@ -41,8 +45,10 @@ def _source(record: Record, source: str) -> None:
     values = record.channels[source].copy()
     values[:, :2] = _turned(values[:, :2], -(heading + start))
     record.set(source, values)
+    words = "the wheels explain" if witness == "wheel_velocity" else "the pose explains"
     record.fixed(
-        f"{source} is in the axes of the world: the wheels explain {1 - left_world:.1%} of it "
+        "world_frame",
+        f"{source} is in the axes of the world: {words} {1 - left_world:.1%} of it "
         f"there and {1 - left_body:.1%} in those of the robot",
         record.name(source, [0, 1]),
         "turned into the axes of the robot",

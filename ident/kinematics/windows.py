@@ -213,6 +213,12 @@ def _require_channels(log: Log) -> None:
             f"log {log.name!r} has no wheel speeds (wheel_velocity_*); kinematic calibration "
             "compares wheels with the pose, and body velocities cannot stand for them"
         )
+    if log.pose is None and any(f.name == "wheel_odometry" for f in log.findings):
+        raise ValueError(
+            f"the pose of log {log.name!r} was computed from its wheel speeds and says nothing "
+            "about the robot; kinematic calibration needs one measured independently of the "
+            "wheels, by motion capture or lidar"
+        )
     if log.pose is None:
         raise ValueError(
             f"log {log.name!r} has no pose (x, y, yaw); kinematic calibration needs one measured "

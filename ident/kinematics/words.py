@@ -17,6 +17,8 @@ STILL = 0.05
 WHOLE, PART = 0.98, 0.25  # how much of a quantity lies in the blind directions
 # A pose this close to the wheels, m, may have been computed from them.
 TOO_GOOD = 5e-5
+# Sideways over forward gain: more has a cause beyond the drawing of the wheels.
+SHORT = 0.02
 
 
 def undetermined_words(fit: Fit, log: Log, platform: Platform) -> tuple[str, ...]:
@@ -77,6 +79,12 @@ def remarks(
     words = []
     if ripple is not None and ripple.seen:
         words.append(_roller_words(ripple, platform, gains, finite))
+    elif abs(gains[1] / gains[0] - 1.0) > SHORT:
+        words.append(
+            f"sideways the robot comes {gains[1] / gains[0]:.3f} times as far as forward, by its "
+            "wheels: slip on this floor or under this load, and the rollers' own give, do that "
+            "more often than a wrong roller angle, which the table holds in their place"
+        )
     surplus = fit.surplus
     if surplus.widening > 1.0:
         words.append(

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ident.comparison import Comparison, Standing
+from ident.log import Log
 from ident.report import compare_where, motion
 from ident.report.compare_play import player
 from ident.report.compare_time import time_figure
@@ -22,9 +25,10 @@ from ident.report.compare_words import (
     verdict,
     where_rows,
 )
+from ident.report.findings import findings_notes
 from ident.report.look import IDENTIFIED, NOMINAL
 from ident.report.outcome import percent
-from ident.report.page import Grid, Notes, Page, Picture, Section
+from ident.report.page import Grid, Page, Picture, Section
 
 # The best model is blue and a nominal one orange; what others have must not be taken for either.
 OTHERS = ("#2f8f6b", "#8e5bb0", "#c9415c", "#7a5a3a")
@@ -32,8 +36,16 @@ MOST_DRAWN = 1 + len(OTHERS)
 REGIMES, HARMONICS = 20, 8
 
 
-def comparison_page(standings: list[Standing], provenance: dict[str, str]) -> Page:
-    """Draw everything and put the page together; nothing is written."""
+def comparison_page(
+    standings: list[Standing], provenance: dict[str, str], logs: Sequence[Log] = ()
+) -> Page:
+    """Draw everything and put the page together; nothing is written.
+
+    Args:
+        standings: models in the order of their errors.
+        provenance: how it came about, by name.
+        logs: whose findings are told; that of the comparison if left.
+    """
     best = standings[0].comparison
     drawn = colored(standings)
     run, duration = best.run, best.log.duration
@@ -56,7 +68,7 @@ def comparison_page(standings: list[Standing], provenance: dict[str, str]) -> Pa
         _velocity(best),
         _signals(best),
         _time(drawn),
-        _log(best),
+        _log(best, logs or [best.log]),
     ]
     good = bool(np.isfinite(run.nrmse) and run.nrmse < 1.0)
     title = "Models against a measured log"
@@ -158,10 +170,8 @@ def _time(drawn: list[tuple[str, Comparison]]) -> Section:
     return Section("When it is worst", blocks)
 
 
-def _log(best: Comparison) -> Section:
+def _log(best: Comparison, logs: Sequence[Log]) -> Section:
     log = best.log
     png = motion.log_figure(log)
     caption = f"{log.name}: {len(log.time)} samples, {log.duration:.0f} s."
-    found = [str(finding) for finding in log.findings]
-    blocks = [Picture("log", png, caption), Notes(found, "The log doctor found nothing odd.")]
-    return Section("The log", blocks)
+    return Section("The log", [Picture("log", png, caption), findings_notes(logs)])

@@ -16,6 +16,7 @@ from ident.report import motion
 from ident.report.compare_words import probability
 from ident.report.diagnose_error import depends_on, ends, falling, where
 from ident.report.diagnose_figures import gains_figure, sizes_figure
+from ident.report.findings import findings_notes
 from ident.report.outcome import interval, percent, rounded
 from ident.report.page import Grid, Notes, Page, Picture, Section
 from youbot_env.effects import get_effect
@@ -37,7 +38,7 @@ def diagnosis_page(
     Args:
         found: the diagnosis.
         provenance: how it came about, by name.
-        logs: to show where the diagnosis has used none.
+        logs: whose findings are told, and which are shown where the diagnosis has used none.
     """
     return Page(
         "What the model is missing",
@@ -93,6 +94,8 @@ def sections(found: Diagnosis, logs: tuple[Log, ...] = ()) -> list[Section]:
             depends_on(found, compared),
             where(compared),
         ]
+    if logs:
+        shown.append(Section("What the log doctor found", [findings_notes(logs)]))
     return [section for section in shown if section is not None]
 
 
@@ -203,10 +206,6 @@ def odds(value: float) -> str:
 
 
 def _log(log: Log) -> Section:
-    words = [str(finding) for finding in log.findings]
     caption = f"{log.name}: {len(np.atleast_1d(log.time))} samples, {log.duration:.0f} s."
-    blocks = [
-        Picture(f"log_{log.name}", motion.log_figure(log), caption),
-        Notes(words, "The log doctor found nothing odd."),
-    ]
-    return Section(f"The log {log.name}", blocks)
+    picture = Picture(f"log_{log.name}", motion.log_figure(log), caption)
+    return Section(f"The log {log.name}", [picture])

@@ -7,6 +7,7 @@ import numpy as np
 from ident.recording import in_words
 from ident.report import forces, motion
 from ident.report.estimates import correlation_figure, track_figure
+from ident.report.findings import findings_notes
 from ident.report.outcome import (
     Outcome,
     agreement,
@@ -207,9 +208,7 @@ def _log(outcome: Outcome) -> Section:
     caption = (
         f"{first.name}: {len(first.time)} samples, {first.duration:.0f} s at {1 / first.dt:.0f} Hz."
     )
-    found = [f"{log.name}: {finding}" for log in logs for finding in log.findings]
-    otherwise = f"Findings of the log doctor: nothing odd in {', '.join(log.name for log in logs)}."
-    return Section("The log", [Picture("log", png, caption), Notes(found, otherwise)])
+    return Section("The log", [Picture("log", png, caption), findings_notes(logs)])
 
 
 def _running(time: np.ndarray, origin: float) -> np.ndarray:

@@ -24,7 +24,7 @@ def improvement_page(
         done: what the loop did.
         gains: what the final model is good for, in sentences and lines of code.
         provenance: how it came about, by name.
-        logs: to show where they decide nothing.
+        logs: whose findings are told, and which are shown where they decide nothing.
     """
     found, parts = done.found, {part.title: part for part in diagnosis.sections(done.found, logs)}
     falling, shown = parts.pop(FALLING, None), []

@@ -1,0 +1,129 @@
+"""Counters that overflow: speeds that wrap round, signed currents that were read as unsigned.
+
+An integer of k bits that grows past its largest value goes on at its smallest.  The record then
+jumps by one and the same number there and back, between two ends at which nothing else jumps, and
+runs on smoothly once that number is added.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.doctor.evidence import explained
+from ident.doctor.record import Record
+
+CHANNELS = ("wheel_velocity", "wheel_current", "wheel_torque", "wheel_duty", "wheel_voltage")
+FEWEST = 2  # jumps in a channel: there and back
+JUMP = 0.7  # of the range of the channel, that each jump spans
+SMOOTH = 0.25  # of the jumps, below which all other steps stay, before and after they are taken out
+VALUES = 5  # numbers seen beyond the jumps: fewer are a code for something else
+PRECISE = 2e-3  # of the jump, standard error to which it must be known to be taken out
+UNSIGNED = 0.01  # of the jump, by which values of an unsigned number may lie below zero
+FOLLOWS, MORE = 0.5, 0.2  # share of a drive input that motion explains without jumps; and gain
+
+
+@dataclass(frozen=True)
+class Wrap:
+    """Jumps of a channel.
+
+    Attributes:
+        period: size of the jumps.
+        error: its standard error.
+        count: number of jumps.
+        row, column: the first one.
+        values: (N, n) channel without them.
+        unsigned: whether negative values became large ones.
+    """
+
+    period: float
+    error: float
+    count: int
+    row: int
+    column: int
+    values: np.ndarray
+    unsigned: bool
+
+
+def check_overflow(record: Record) -> None:
+    """Take out jumps of speeds that wrapped round; refuse signed numbers read as unsigned."""
+    for channel in CHANNELS:
+        values = record.get(channel)
+        found = None if values is None or len(values) < 20 else find_wrap(values, record.breaks)
+        if found is None or not _moves(record, channel, found):
+            continue
+        where = record.place(found.row, channel, found.column)
+        what = f"{found.count} jumps by one and the same {found.period:.5g}, there and back: "
+        if found.unsigned:
+            record.refuse(
+                "overflow",
+                f"{what}a signed number was read as an unsigned one (two's complement)",
+                where,
+                f"subtract {found.period:.5g} from values above {found.period / 2:.5g}, or read "
+                "the register as a signed integer",
+            )
+        elif found.error < PRECISE * found.period:
+            record.set(channel, found.values)
+            what += "an integer wrapped round (overflow)"
+            record.fixed("overflow", what, where, "the jumps were taken out")
+        else:
+            record.refuse(
+                "overflow",
+                f"{what}an integer wrapped round (overflow)",
+                where,
+                "read the register with more bits, or drive more slowly",
+            )
+
+
+def find_wrap(values: np.ndarray, breaks: np.ndarray) -> Wrap | None:
+    """Find jumps by one number that are no motion.
+
+    Args:
+        values: (N, n) columns of one counter.
+        breaks: (N,) rows that do not follow from the row before.
+    """
+    step = np.diff(values, axis=0)
+    step[breaks[1:]] = 0.0
+    span = float(np.ptp(values, axis=0).max())
+    jumps = np.abs(step) > JUMP * span
+    if not span or jumps.sum() < FEWEST:
+        return None
+    rest = np.where(jumps, 0.0, step)
+    if np.abs(rest).max() > SMOOTH * np.abs(step[jumps]).min():
+        return None
+    # What a column would have done meanwhile is what it did right before and after.
+    around = np.zeros_like(rest)
+    around[1:-1] = 0.5 * (rest[:-2] + rest[2:])
+    sizes = np.abs(step - around)[jumps]
+    period = max(float(np.mean(sizes)), span)
+    error = float(np.std(sizes)) / np.sqrt(len(sizes))
+    unwrapped = values - period * np.concatenate(
+        [np.zeros((1, values.shape[1])), np.cumsum(np.where(jumps, np.sign(step), 0.0), axis=0)]
+    )
+    unsigned = bool(values.min() > -UNSIGNED * period)
+    centre = 0.0 if unsigned else float(values.max() + values.min()) / 2
+    unwrapped -= period * np.round((np.median(unwrapped, axis=0) - centre) / period)
+    beyond = values[np.abs(unwrapped - values) > period / 2]
+    if len(np.unique(beyond)) < VALUES or np.abs(np.diff(unwrapped, axis=0)).max() > SMOOTH * span:
+        return None
+    row, column = np.argwhere(jumps)[0]
+    return Wrap(period, error, int(jumps.sum()), int(row) + 1, int(column), unwrapped, unsigned)
+
+
+def _moves(record: Record, channel: str, found: Wrap) -> bool:
+    """Whether the channel goes with the motion without the jumps, and less with them.
+
+    A drive that is switched jumps as well, between two steady values.  No wheel does.
+    """
+    if channel == "wheel_velocity":
+        return True
+    motion = record.get("wheel_velocity")
+    motion = record.get("body_velocity") if motion is None else motion
+    if motion is None:
+        return True
+    regressors = np.hstack([motion, np.gradient(motion, record.time, axis=0)])
+    now, then = (
+        float(np.median(explained(v, regressors))) for v in (record.channels[channel], found.values)
+    )
+    return then > max(FOLLOWS, now + MORE)
