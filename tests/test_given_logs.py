@@ -7,10 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from foreign_logs import make
+from foreign_logs import make, write_duty
 
 from ident.doctor import LogError
-from ident.log import Log
+from ident.log import YOUBOT_TABLE, Log
+from ident.remembered import remember
 from youbot_env.model_file import load_model
 from youbot_env.platform import mecanum, youbot
 
@@ -176,3 +177,34 @@ def test_a_damaged_memory_is_told(tmp_path):
     (tmp_path / "log.csv").write_text('# platform: {"name": "x"}\n' + text)
     with pytest.raises(LogError, match=r"platform: .*cannot be read"):
         Log.load(tmp_path / "log.csv")
+
+
+def test_the_youbots_table_is_doubted_once_a_command(given, tmp_path):
+    for number in (1, 2):
+        good = make(600 + number)
+        write_duty(tmp_path / f"{number}.csv", good, 12.0 + 0 * good.time)
+    logs, tests = given.LogOptions().read(load_model("nominal"), ["1.csv"], ["2.csv"])
+    doubts = [sum(f.what == YOUBOT_TABLE for f in log.findings) for log in (*logs, *tests)]
+    assert doubts == [1, 0]
+    logs, _ = given.LogOptions(lever=0.4).read(load_model("nominal"), ["*.csv"])
+    assert not any(f.what == YOUBOT_TABLE for log in logs for f in log.findings)
+
+
+def test_logs_of_two_robots_are_refused(given, tmp_path):
+    for number, platform in enumerate(("youbot", "R=0.05 l=0.1 h=0.1")):
+        log = Log.load(make(300 + number).save(tmp_path / f"{number}.csv"), platform)
+        log.save(tmp_path / f"{number}.parquet", remember(log, "by hand"))
+    with pytest.raises(ValueError, match=r"1\.parquet is of platform 'mecanum', log 0"):
+        given.LogOptions().read(load_model("nominal"), ["*.parquet"])
+    logs, _ = given.LogOptions(platform="youbot").read(load_model("nominal"), ["*.parquet"])
+    assert len(logs) == 2
+
+
+def test_models_of_the_youbots_table_follow_the_logs(given, tmp_path):
+    log = Log.load(make(300).save(tmp_path / "log.csv"), "R=0.05 l=0.1 h=0.1")
+    own = replace(load_model("nominal"), platform=mecanum("own", 0.2, 0.1, 0.05, 0.01, 1.0))
+    shipped = [load_model("nominal"), load_model(SCRIPTS.parent / "models" / "identified.yaml")]
+    models = given.LogOptions().used_models([*shipped, own], [log])
+    assert [m.platform.name for m in models] == ["mecanum", "mecanum", "own"]
+    models = given.LogOptions(platform="given").used_models([own], [log])
+    assert models[0].platform == log.platform
