@@ -11,6 +11,7 @@ from ident.doctor.smoothing import BODY_SOURCES, Smooth, smooth
 SLIP = 0.15  # rms of what contradicts rolling, over the rms of wheel speeds
 OFFSET = 0.05  # mean of it
 LAGS = (0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)  # s, by which clocks are compared
+LONG = 40  # times a lag, that a log must last to show it
 CLEARER, CLEAR = 0.02, 0.9  # share explained that another lag must gain, and reach
 # Or, where speed and acceleration explain nearly all at any lag: the least share it must gain,
 # and what it may leave of what is unexplained now.
@@ -82,7 +83,7 @@ def _lag(values: np.ndarray, others: np.ndarray, step: float) -> tuple[float, fl
     shares = {}
     for lag in lags:
         a, b = max(lag, 0), len(values) + min(lag, 0)
-        if b - a > len(values) / 2:
+        if b - a > LONG * abs(lag):
             shares[lag] = float(np.median(explained(values[a:b], others[a - lag : b - lag])))
     best = max(shares, key=shares.get)
     return best * step, shares[0], shares[best]

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ident.doctor.evidence import CERTAIN, Likeness
+
 MOST_WHEELS = 4  # beyond that only single swaps are considered, not all orders
 
 
@@ -69,26 +71,28 @@ def arrangements(count: int) -> list[Arrangement]:
     return sorted(found, key=lambda arrangement: len(arrangement.changed))
 
 
-def fitting(candidates: list[Arrangement], cosines: np.ndarray, least: float) -> np.ndarray:
-    """Tell for each candidate whether every column resembles its wheel; NaN says nothing.
+def fitting(candidates: list[Arrangement], table: Likeness, least: float) -> np.ndarray:
+    """Tell for each candidate whether every column may resemble its wheel; NaN says nothing.
 
     Args:
         candidates: arrangements of n wheels.
-        cosines: (n, n) between column i and wheel k.
+        table: columns against wheels.
         least: cosine that counts as resemblance.
     """
     orders = np.array([candidate.order for candidate in candidates])
     signs = np.array([candidate.signs for candidate in candidates])
-    found = signs * cosines[np.arange(orders.shape[1]), orders]
+    columns = np.arange(orders.shape[1])
+    found = signs * table.cosines[columns, orders] + CERTAIN * table.errors[columns, orders]
     return ~np.any(found <= least, axis=1)
 
 
-def likeness(arrangement: Arrangement, cosines: np.ndarray) -> float:
+def likeness(arrangement: Arrangement, table: Likeness) -> float:
     """The least resemblance of a column to its wheel; NaN says nothing.
 
     Args:
         arrangement: of n wheels.
-        cosines: (n, n) between column i and wheel k.
+        table: columns against wheels.
     """
+    cosines = table.cosines
     found = np.array(arrangement.signs) * cosines[np.arange(len(cosines)), list(arrangement.order)]
     return float(np.min(found, where=np.isfinite(found), initial=1.0))

@@ -131,7 +131,7 @@ def _inertias(record: Record) -> dict[int, tuple[float, str]]:
     geometry, body, rate = record.platform.geometry, tuple(v.T), tuple(rate.T)
     wrench = geometry.wrench(tuple(signals.signals["wheel_torque"].T))
     # Windows overlap: no more of them are independent than there are seconds.
-    seconds = max(10.0, len(signals.rows) * record.dt * max(1, np.diff(signals.rows).min()))
+    seconds = max(1.0, len(signals.rows) * record.dt * max(1, np.diff(signals.rows).min()))
     size = np.std(v, axis=0) * [1.0, 1.0, record.platform.lever]
     found = {}
     for axis, (one, unit) in enumerate(zip(ONES, KILOGRAMS, strict=True)):

@@ -8,6 +8,7 @@ inertia are positive.  It shows signs, order and units without any parameter of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,28 @@ COLLINEAR = 4.0  # variance inflation beyond which axes move together
 MISSED = 0.03  # share that unheard axes may explain together, before nothing is said of any axis
 SAME = 0.3  # of a fingerprint, by which it may change when the unheard axes are fitted as well
 WEAK = 0.5  # of what the strongest axis contributes, below which an axis counts for less
+# Fingerprints are fitted again without each of the parts of the log, which are dealt out in
+# stretches of so many s.  A column contradicts a wheel beyond so many standard errors.
+PARTS, STRETCH, CERTAIN = 10, 0.5, 3.0
+REPEATED = 0.5  # of the cosine between fingerprints of two axes, from that of the wheel table
+FEWEST = 4  # parts: from fewer no scatter is known
 RIDGE = 1e-3  # keeps speed and acceleration apart where one follows the other
+
+
+class Likeness(NamedTuple):
+    """How columns of a signal resemble wheels.
+
+    Attributes:
+        cosines: (n, n) between column i and wheel k; NaN where nothing is said.
+        errors: (n, n) their standard errors.
+    """
+
+    cosines: np.ndarray
+    errors: np.ndarray
+
+    def most(self, signs: np.ndarray | float = 1.0) -> np.ndarray:
+        """(n, n) resemblance that is not excluded, of columns with a sign each."""
+        return signs * self.cosines + CERTAIN * self.errors
 
 
 @dataclass(frozen=True)
@@ -31,6 +53,7 @@ class Evidence:
         rows: (n, axes) fingerprint; None where axes move together.
         weights: (axes,) 1 for an axis that contributes about as much as the strongest, less for one
             that hardly moves: what it shows is mostly errors of the others.
+        without: fingerprints of the log without each of its parts; empty where it is too short.
     """
 
     signal: np.ndarray
@@ -39,16 +62,22 @@ class Evidence:
     axes: np.ndarray
     rows: np.ndarray | None
     weights: np.ndarray | None = None
+    without: tuple[np.ndarray, ...] = ()
 
-    def table(self, jacobian: np.ndarray, driven: bool) -> np.ndarray | None:
-        """(n, n) cosines between column i of the signal and wheel k; NaN where nothing is said.
+    def table(self, jacobian: np.ndarray, driven: bool) -> Likeness | None:
+        """Cosines between the columns of the signal and the wheels.
 
         Args:
             jacobian: (n, 3) J, with flipped columns to try other signs of the axes.
             driven: the signal is a torque or voltage, known up to a positive factor an axis.
         """
         if self.rows is not None:
-            return _cosines(self.rows, jacobian[:, self.axes], self.weights)
+            expected = jacobian[:, self.axes]
+            own = _driven(self.rows, expected, self.weights)
+            expected, weights = expected[:, own], self.weights[own]
+            cosines = _cosines(self.rows[:, own], expected, weights)
+            fewer = [_cosines(rows[:, own], expected, weights) for rows in self.without]
+            return Likeness(cosines, _jackknife(fewer, cosines))
         if driven:  # how far each axis is braked is unknown, so is what the wheel should do
             return None
         expected = self.motion @ jacobian.T
@@ -57,7 +86,7 @@ class Evidence:
         with np.errstate(invalid="ignore", divide="ignore"):
             table = np.corrcoef(self.signal.T, expected.T)[:count, count:]
         table[:, size < 0.2 * size.max()] = np.nan
-        return table
+        return Likeness(table, np.zeros_like(table))
 
     def gains(self, jacobian: np.ndarray) -> np.ndarray:
         """(n, 3) sizes of the signal over ``J motion``; NaN where nothing is said."""
@@ -73,7 +102,12 @@ class Evidence:
         return gains
 
 
-def hear(signal: np.ndarray, motion: np.ndarray, rates: np.ndarray | None = None) -> Evidence:
+def hear(
+    signal: np.ndarray,
+    motion: np.ndarray,
+    rates: np.ndarray | None = None,
+    step: float = np.inf,
+) -> Evidence:
     """Compare a signal of the wheels with a body motion.
 
     Args:
@@ -81,10 +115,12 @@ def hear(signal: np.ndarray, motion: np.ndarray, rates: np.ndarray | None = None
         motion: (K, 3) body velocities.
         rates: (K, 3) their derivatives, for torques and voltages.  Contributions of velocity and
             acceleration are added, each times its rms.
+        step: s between samples, to know how far a fingerprint is certain.
     """
     regressors = motion if rates is None else np.hstack([motion, rates])
     covariance = _covariance(regressors, signal)
     width = regressors.shape[1]
+    without: tuple[np.ndarray, ...] = ()
 
     def fit(axes) -> tuple[np.ndarray, np.ndarray]:
         chosen = [*axes] if rates is None else [*axes, *(k + 3 for k in axes)]
@@ -95,10 +131,11 @@ def hear(signal: np.ndarray, motion: np.ndarray, rates: np.ndarray | None = None
     axes = np.array([np.max(full - less) > HEARD for less in without])
     chosen, rows, weights = np.flatnonzero(axes).tolist(), None, None
 
-    def fingerprint(fitted: list[int]) -> np.ndarray:
+    def fingerprint(fitted: list[int], covariance: np.ndarray = covariance) -> np.ndarray:
         """Rows of the chosen axes, others being fitted with them."""
         places, count = [fitted.index(axis) for axis in chosen], len(fitted)
-        coefficients = fit(fitted)[0]
+        columns = fitted if rates is None else [*fitted, *(k + 3 for k in fitted)]
+        coefficients = _fit(covariance, columns, width)[0]
         if rates is None:
             return (coefficients[places] / np.sqrt(np.diag(covariance)[chosen])[:, None]).T
         return (coefficients[places] + coefficients[[k + count for k in places]]).T
@@ -114,10 +151,29 @@ def hear(signal: np.ndarray, motion: np.ndarray, rates: np.ndarray | None = None
         else:
             size = np.sqrt(np.diag(covariance)[chosen]) if rates is None else 1.0
             weights = np.minimum(1.0, typical * size / (WEAK * (typical * size).max()))
+            without = tuple(
+                fingerprint(chosen, _covariance(regressors[kept], signal[kept]))
+                for kept in _parts(len(signal), step)
+            )
     # A wheel at rest is all noise, one in another unit all variance: the kinder of two averages.
     spread = np.diag(covariance)[width:]
     share = max(np.median(full), full @ spread / (spread.sum() + 1e-300))
-    return Evidence(signal, motion, float(share), axes, rows, weights)
+    return Evidence(signal, motion, float(share), axes, rows, weights, without)
+
+
+def _parts(count: int, step: float) -> list[np.ndarray]:
+    """(count,) samples that stay, for each part left out; empty where the log is too short."""
+    stretch = np.arange(count) // max(1, round(min(STRETCH / step, count)))
+    parts = min(PARTS, int(stretch[-1]) + 1)
+    return [stretch % parts != part for part in range(parts)] if parts >= FEWEST else []
+
+
+def _jackknife(fewer: list[np.ndarray], whole: np.ndarray) -> np.ndarray:
+    """Standard errors of cosines from those without each part; 1 where nothing is known."""
+    if not fewer:
+        return np.full_like(whole, 1.0)
+    scatter = np.sum((np.array(fewer) - np.mean(fewer, axis=0)) ** 2, axis=0)
+    return np.sqrt((len(fewer) - 1) / len(fewer) * scatter)
 
 
 def explained(signal: np.ndarray, regressors: np.ndarray) -> np.ndarray:
@@ -151,6 +207,27 @@ def _inflation(covariance: np.ndarray) -> np.ndarray:
     scale = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(scale, scale)
     return np.diag(np.linalg.inv(correlation + 1e-6 * np.eye(len(correlation))))
+
+
+def _driven(found: np.ndarray, expected: np.ndarray, weights: np.ndarray) -> list[int]:
+    """Axes that the wheels drove; others moved with these, by drift or slip.
+
+    Whatever the order and signs of the columns, the angles between fingerprints of two axes are
+    those of the wheel table.  A robot that drifts while it drives repeats the fingerprint of what
+    it drives.
+    """
+
+    def angles(rows: np.ndarray) -> np.ndarray:
+        rows = rows / (np.linalg.norm(rows, axis=0) + 1e-300)
+        return np.abs(rows.T @ rows)
+
+    apart = np.abs(angles(found) - angles(expected)) < REPEATED
+    order = np.argsort(-weights * np.linalg.norm(found, axis=0), kind="stable")
+    own: list[int] = []
+    for axis in order.tolist():
+        if all(apart[axis, other] for other in own):
+            own.append(axis)
+    return sorted(own)
 
 
 def _cosines(found: np.ndarray, expected: np.ndarray, weights: np.ndarray) -> np.ndarray:

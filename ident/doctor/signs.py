@@ -143,17 +143,18 @@ def _unexplained(record: Record, witnesses: Witnesses) -> None:
     """No simple fault explains the disagreement: name the columns that disagree most."""
     for kind, channel in (("wheels", "wheel_velocity"), ("drive", witnesses.drive)):
         for source in witnesses.sources:
-            table = witnesses.cosines(source, kind)
+            table = witnesses.table(source, kind)
             if table is None:
                 continue
-            agreement = np.nan_to_num(np.diag(table), nan=1.0)
-            bad = np.flatnonzero(agreement < ALIKE)
+            most = np.nan_to_num(np.diag(table.most()), nan=1.0)
+            bad = np.flatnonzero(most < ALIKE)
             if not len(bad):
                 continue
-            tell = record.refuse if agreement.min() < 0 else record.warn
+            agreement = np.diag(table.cosines)[bad].min()
+            tell = record.refuse if most.min() < 0 else record.warn
             tell(
                 "signs",
-                f"{channel} does not follow the {source} (agreement {agreement.min():.2f}, 1 is "
+                f"{channel} does not follow the {source} (agreement {agreement:.2f}, 1 is "
                 "perfect), whatever signs and order",
                 record.name(channel, bad),
                 "check signs, order and units of these columns, and of the " + source,

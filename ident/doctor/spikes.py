@@ -10,9 +10,13 @@ from ident.doctor.record import Record, runs
 # at low sample rates.
 SHARES = {"wheel_velocity": 0.2, "body_velocity": 0.5, "wheel_torque": 1.5, "pose": 0.15}
 TYPICAL = 30.0  # times the typical height of a peak, which noise makes
+# Of the range of the channel's busiest column (yaw at the radius of the wheels): that of a column
+# that hardly moves is its noise.
+LEAST = 0.25
 FAR = 3.0  # ranges outside of where the signal lives: wrong however long it lasts
-MOST = 0.02  # fraction of samples
+MOST, FEW = 0.02, 5  # fraction of samples and number of them, both beyond which it is refused
 WIDEST = 2  # samples of a spike
+ABOVE_CIRCLE = 7.0  # rad: a wider range of headings is in degrees, or does not leap
 
 
 def check_spikes(record: Record) -> None:
@@ -22,15 +26,34 @@ def check_spikes(record: Record) -> None:
         if values is None or len(values) < 20:
             continue
         mended = values.copy()
+        if (
+            channel == "pose"
+        ):  # a heading that leaps from one end of its circle to the other is none
+            circle = 2 * np.pi if np.ptp(values[:, 2]) < ABOVE_CIRCLE else 360.0
+            mended[:, 2] = np.unwrap(values[:, 2], period=circle)
+        whole = mended.copy()
+        sizes = np.array([1.0, 1.0, record.platform.reach]) if values.shape[1] == 3 else 1.0
+        limits = np.percentile(whole[:: max(1, len(whole) // 20000)], [1, 99], axis=0)
+        spans = np.ptp(limits, axis=0)
+        least = LEAST * float(np.max(spans * sizes)) / (sizes * np.ones(values.shape[1]))
         for column in range(values.shape[1]):
-            _column(record, channel, column, mended[:, column], share)
-        if np.any(mended != values):
+            low, high = limits[:, column]
+            span = max(float(spans[column]), float(least[column]))
+            _column(record, channel, column, mended[:, column], share, (low, high, span))
+        if np.any(mended != whole):
             record.set(channel, mended)
 
 
-def _column(record: Record, channel: str, column: int, values: np.ndarray, share: float) -> None:
-    low, high = np.percentile(values[:: max(1, len(values) // 20000)], [1, 99])
-    span = float(high - low)
+def _column(
+    record: Record,
+    channel: str,
+    column: int,
+    values: np.ndarray,
+    share: float,
+    lives: tuple[float, float, float],
+) -> None:
+    """Mend the (N,) values of a column in place; ``lives`` is where it lives: low, high, range."""
+    low, high, span = lives
     spikes = (values < low - FAR * span) | (values > high + FAR * span)
     step = np.diff(values)
     steep = max(step.max(), -step.min()) > share * span > 0
@@ -46,7 +69,7 @@ def _column(record: Record, channel: str, column: int, values: np.ndarray, share
     row = int(np.argmax(np.where(spikes, np.abs(values - (low + high) / 2), -1)))
     what = f"{int(spikes.sum())} spikes, the largest {values[row]:.5g}"
     where = record.place(row, channel, column)
-    if spikes.mean() > MOST:
+    if spikes.mean() > MOST and spikes.sum() > FEW:
         record.refuse(
             "spikes", f"{what}: {spikes.mean():.0%} of the samples", where, "repair the sensor"
         )

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.doctor.arrangement import Arrangement, arrangements, fitting, likeness
-from ident.doctor.evidence import Evidence, explained, hear
+from ident.doctor.evidence import Evidence, Likeness, explained, hear
 from ident.doctor.record import Record
 from ident.doctor.smoothing import BODY_SOURCES, Smooth
 from ident.doctor.turns import QUARTER, RIGHT, TURNS, Turn, turn_by
@@ -73,6 +73,7 @@ class Witnesses:
     def __init__(self, record: Record, signals: Smooth):
         self.J = record.platform.jacobian_array
         self.all = arrangements(len(self.J))
+        self.step = float(np.median(np.diff(record.time[signals.rows])))
         self.wheels = signals.signals.get("wheel_velocity")
         self.wheel_rates = signals.rates.get("wheel_velocity")
         drives = [c for c in ("wheel_torque", "wheel_voltage") if c in signals.signals]
@@ -92,9 +93,9 @@ class Witnesses:
     def _listen(self, source: str, motion: np.ndarray, rates: np.ndarray) -> None:
         heard = {}
         if self.wheels is not None:
-            heard["wheels"] = hear(self.wheels, motion)
+            heard["wheels"] = hear(self.wheels, motion, step=self.step)
         if self.force is not None:
-            heard["drive"] = hear(self.force, motion, rates)
+            heard["drive"] = hear(self.force, motion, rates, self.step)
         first, least = ("wheels", SPEAKS) if self.wheels is not None else ("drive", DRIVES)
         share = heard[first].share if first in heard else 0.0
         if share < least:
@@ -117,17 +118,17 @@ class Witnesses:
         clear = abs((angle + QUARTER / 2) % QUARTER - QUARTER / 2) > OBLIQUE
         return [turn_by(angle)] if clear else []
 
-    def cosines(self, source: str, kind: str, turn: Turn = RIGHT) -> np.ndarray | None:
+    def table(self, source: str, kind: str, turn: Turn = RIGHT) -> Likeness | None:
         """Resemblance of columns to wheels by one source, None where it is silent on them."""
         evidence = self._evidence.get((source, kind))
         return evidence and evidence.table(self.J @ turn.matrix.T, kind == "drive")
 
     def _fitting(self, kind: str, source: str, turn: Turn) -> list[Arrangement]:
         """Arrangements that agree with all sources, one of them turned."""
-        tables = [self.cosines(s, kind, turn if s == source else RIGHT) for s in self.sources]
+        tables = [self.table(s, kind, turn if s == source else RIGHT) for s in self.sources]
         return self._alike([table for table in tables if table is not None])
 
-    def _alike(self, tables: list[np.ndarray]) -> list[Arrangement]:
+    def _alike(self, tables: list[Likeness]) -> list[Arrangement]:
         """Arrangements that all tables allow; the right one where nothing is said."""
         if not tables:
             return self.all[:1]
@@ -186,11 +187,11 @@ class Witnesses:
         """
         inverse = np.linalg.pinv(self.J).T
         motion, rates = self.wheels @ inverse, self.wheel_rates @ inverse
-        heard = hear(self.force, motion, rates)
+        heard = hear(self.force, motion, rates, self.step)
         table = heard.table(self.J, True)
         if table is None or self.all[0] in self._alike([table]):
             return True
-        rolling = hear(self.force @ self.J @ inverse.T, motion, rates)
+        rolling = hear(self.force @ self.J @ inverse.T, motion, rates, self.step)
         if rolling.rows is None or np.any(heard.axes & ~rolling.axes):
             return False
         best = max(likeness(arrangement, table) for arrangement in self.all)
@@ -230,7 +231,7 @@ class Witnesses:
                 found.append(Fault(wheels, self.all[0]))
                 continue
             motion, rates = (wheels.undo(v) @ inverse for v in (self.wheels, self.wheel_rates))
-            table = hear(self.force, motion, rates).table(self.J, True)
+            table = hear(self.force, motion, rates, self.step).table(self.J, True)
             drives = self._alike([] if table is None else [table])
             found += [Fault(w, d) for w, d in _pairs([wheels], drives)]
             if any(fault.size == (0, 0) for fault in found):
