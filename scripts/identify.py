@@ -187,7 +187,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     console.out.print(agreement_note(result), soft_wrap=True)
     console.out.print()
     head = ("axis", "unit", "rms", f"error, {outcome.label}", "error, identified")
-    console.table(f"Free run on {outcome.log.name}", head, error_rows(outcome))
+    console.table(f"Free run on {outcome.judged_on}", head, error_rows(outcome))
     seen = result.observability
     words = f"\n{seen.rank} of {len(seen.names)} parameter directions seen"
     if math.isfinite(seen.condition):
@@ -195,7 +195,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     console.out.print(words)
     console.section("Undetermined by these logs", seen.words)
     console.section("Invisible to logs of this kind", result.invisible)
-    logs = [*result.logs, *([] if result.test is None else [result.test])]
+    logs = [*result.logs, *result.tests]
     console.section("Log doctor", [f"{log.name}: {f}" for log in logs for f in log.findings])
     if not outcome.untouched:
         console.section("Advice", ["give a log that is not fitted with --test to judge by"])

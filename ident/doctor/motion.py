@@ -7,6 +7,8 @@ import numpy as np
 from ident.doctor.record import Record
 
 SHORTEST, SHORT = 2.0, 10.0  # s: refused below the first, told below the second
+# Whether logs hold enough together is asked over all of them.
+MORE = "give it together with others of this robot, or record longer"
 REST = 0.01  # m/s at the wheel: slower is rest
 AXES = ("forward", "sideways", "yaw")
 
@@ -30,7 +32,7 @@ def check_length(record: Record) -> None:
     if duration < SHORTEST:
         record.refuse(f"the log lasts {duration:.3g} s", "file", f"record {SHORT:.0f} s or more")
     elif duration < SHORT:
-        record.warn(f"the log lasts only {duration:.3g} s", "file", f"record {SHORT:.0f} s or more")
+        record.warn(f"the log lasts only {duration:.3g} s", "file", MORE)
 
 
 def check_motion(record: Record) -> None:
