@@ -79,7 +79,7 @@ def divide(logs: list[Log], tests: list[Log], model: Model) -> list[Part]:
 
 
 def choosing_until(log: Log) -> float:
-    """Time, s, at which the part of a second log that helps to choose ends, with a run if it can."""
+    """Time, s, at which the part of a second log for choosing ends, with a run if it can."""
     if log.runs:
         return log.runs[round(CHOOSING * len(log.runs))][1]
     return log.time[0] + CHOOSING * log.duration
