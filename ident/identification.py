@@ -18,6 +18,7 @@ from ident.observability import Observability, observe_regression
 from ident.output_error import OutputError, refine
 from ident.physical import doubts, invisible
 from ident.pooling import as_list, pooled
+from ident.prior import kept_possible
 from ident.quantities import Quantity, annotated, quantities
 from ident.recording import Instrument, find_recordings, with_free_clocks
 from ident.recursive import history
@@ -159,7 +160,9 @@ def identify(
         if observability.rank == 0:
             names = ", ".join(log.name for log in logs)
             raise ValueError(f"no parameter leaves a trace in {names}; record a livelier motion")
-        seen = Seen.of(observability, regression, start, model)
+        seen, bounded = kept_possible(
+            Seen.of(observability, regression, start, model), regression, prior
+        )
         found = LinearEstimation(seen, model, corner, clusters, instruments).of(records, regression)
         if method == "iv" and len(found) < 2:
             raise ValueError(
@@ -188,7 +191,7 @@ def identify(
         effects=extra,
         observability=observability,
         hausman=durbin_wu_hausman(*found.values()) if len(found) == 2 else None,
-        doubts=doubts(model, parameters),
+        doubts=[*bounded, *doubts(model, parameters)],
         invisible=invisible(logs),
         regression=regression,
         velocity=velocity,

@@ -16,6 +16,8 @@ from youbot_env.parameters import UNITS
 
 # Where a value the logs do not determine comes from.
 UNSEEN = "rests on the prior model"
+# Where a value comes from that would be impossible, as far as the logs determine it.
+AT_BOUND = "held at the bound of what is possible"
 # Logs of which all names are told.
 MOST_NAMES = 4
 
@@ -57,6 +59,8 @@ def quantities(
     at = [names.index(name) for name in seen.names]
 
     def quantity(value: float, weights: np.ndarray, unit: str) -> Quantity:
+        if any(weights[names.index(name)] != 0 for name in seen.held):
+            return Quantity(float(value), unit, None, None, AT_BOUND)
         se = float(np.sqrt(max(weights @ covariance @ weights, 0.0)))
         if se == 0.0 or not (np.isfinite(se) and seen.determines(weights[at])):
             return Quantity(float(value), unit, None, None, UNSEEN)

@@ -26,7 +26,7 @@ from given_logs import (
 
 from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
 from ident.identification import identify
-from ident.quantities import UNSEEN
+from ident.quantities import AT_BOUND, UNSEEN
 from ident.recording import in_words
 from ident.report.identify import identification_page
 from ident.report.outcome import (
@@ -41,6 +41,9 @@ from ident.report.outcome import (
 from youbot_env.envs.randomization import Posterior
 from youbot_env.model import Model
 from youbot_env.model_file import load_model, save_model, write_atomically
+
+# What the table says of values that no log determines.
+ORIGIN = {UNSEEN: "prior", AT_BOUND: "bound"}
 
 
 @reads_logs
@@ -168,10 +171,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     console.out.print(outcome.verdict, style="bold", soft_wrap=True)
     console.section("How the logs were recorded", in_words(result.recording))
     heads = ("", outcome.label, "identified", "95 % interval", "unit")
-    rows = [
-        (*row[:5], "prior" if row[5] == UNSEEN else "fit", row[6])
-        for row in parameter_rows(outcome)
-    ]
+    rows = [(*row[:5], ORIGIN.get(row[5], "fit"), row[6]) for row in parameter_rows(outcome)]
     console.out.print()
     console.table(f"Parameters, by {result.method}", (*heads, "source", "doubt"), rows)
     if result.effects:
