@@ -14,6 +14,7 @@ from scipy import stats
 
 from ident.filters import linear_hold
 from ident.log import Log
+from ident.pooling import MANY_RUNS
 from ident.regression import Regression
 
 # Enough stretches for a stable covariance, each several filter time constants long.
@@ -64,8 +65,14 @@ class Estimate:
 
 
 def cluster_numbers(regression: Regression, clusters: int = CLUSTERS) -> np.ndarray:
-    """(N,) number of the stretch each row belongs to: equal counts of rows in order of time."""
+    """(N,) number of the stretch each row belongs to: equal counts of rows in order of time.
+
+    Of a record in many pieces these are the stretches.
+    """
     count = len(regression.time)
+    piece = np.unique(regression.piece, return_inverse=True)[1]
+    if piece[-1] + 1 >= MANY_RUNS:
+        return piece
     return (np.arange(count) * min(clusters, count)) // count
 
 

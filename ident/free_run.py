@@ -8,6 +8,7 @@ motion: with finite rollers or slip that is not the motion itself.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -31,6 +32,10 @@ LEAD = 0.1
 # Runge-Kutta steps a sample, beyond which no robot is that stiff: values that a search tries and
 # leaves again.
 MOST_SUBSTEPS = 40
+# A rest at the end of a piece that is longer than this, s, gets a window of its own.
+REST = 0.5
+# Shorter runs, s, hold no window.
+LEAST_WINDOW = 2.0
 
 
 @dataclass(frozen=True)
@@ -103,7 +108,9 @@ class Windows:
 def cut_windows(
     log: Log, model: Model, window: float = WINDOW, fraction: float = STEP_FRACTION
 ) -> Windows:
-    """Cut a log into windows of ``window`` seconds; a shorter rest at the end is left out.
+    """Cut a log into windows of ``window`` seconds, the last of a piece ending where it ends.
+
+    That one overlaps the one before it; pieces shorter than a window are left out.
 
     Args:
         log: as recorded; the model's instruments are undone here.
@@ -129,7 +136,10 @@ def cut_windows(
         count = len(piece.time)
         past = np.stack([np.maximum(np.arange(count) - k, 0) for k in range(history)], axis=1)
         lead = max(0, min(round(LEAD / dt), count - 1 - length))
-        for begin in range(lead, count - length, length):
+        begins = list(range(lead, count - length, length))
+        if begins and count - 1 - length - begins[-1] > REST / dt:
+            begins.append(count - 1 - length)
+        for begin in begins:
             rows = offset + begin + np.arange(length)
             pose = (0.0, 0.0, 0.0) if log.pose is None else log.pose[rows[0]]
             starts.append([*pose, *velocity[rows[0]], *turned[rows[0]], *inner[rows[0]]])
@@ -165,14 +175,45 @@ def _velocities(log: Log, robot: Robot) -> np.ndarray:
     return np.concatenate([np.stack(v, axis=1) for v in seen])
 
 
-def free_run(log: Log, model: Model, window: float = WINDOW) -> FreeRun:
-    """Simulate a log's windows with a model from the measured drive input alone."""
+def fitting(log: Log, window: float) -> float:
+    """The window, s, shortened to what the shortest run of a log holds."""
+    longest: dict[int, float] = {}
+    for start, stop in log.spans:
+        run, span = int(log.run_of(log.time[start])), log.time[stop - 1] - log.time[start]
+        longest[run] = max(longest.get(run, 0.0), float(span))
+    held = [span - log.dt for span in longest.values() if span > LEAST_WINDOW]
+    return min([window, *held])
+
+
+def free_run(log: Log | Sequence[Log], model: Model, window: float = WINDOW) -> FreeRun:
+    """Simulate logs' windows with a model from the measured drive input alone.
+
+    Windows of ``WINDOW`` or less are shortened to what the runs of a log hold.
+    """
+    if not isinstance(log, Log):
+        return (
+            free_run(log[0], model, window)
+            if len(log) == 1
+            else _joined([free_run(one, model, window) for one in log])
+        )
+    window = fitting(log, window) if window <= WINDOW else window
     windows, log = cut_windows(log, model, window), restored(log, model)
     rows = windows.index.ravel()
     states = windows.simulate(model.values()).reshape(len(rows), -1)
     simulated = _shown(log, model, windows, states)
     number = np.repeat(np.arange(len(windows.index)), windows.index.shape[1])
     return FreeRun(log.time[rows], simulated, log.velocity()[rows], number)
+
+
+def _joined(runs: list[FreeRun]) -> FreeRun:
+    """Free runs of several logs as one, with time running on from one to the next."""
+    times, windows, end, count = [], [], runs[0].time[0], 0
+    for run in runs:
+        times.append(run.time - run.time[0] + end)
+        windows.append(run.window + count)
+        end, count = times[-1][-1] + (run.time[1] - run.time[0]), int(windows[-1][-1]) + 1
+    shown = [np.concatenate([getattr(r, n) for r in runs]) for n in ("simulated", "measured")]
+    return FreeRun(np.concatenate(times), *shown, np.concatenate(windows))
 
 
 def seen_by_sensors(robot: Robot, s: Signals, log: Log) -> tuple:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +17,8 @@ from ident.log import Log
 from ident.observability import Observability, observe_regression
 from ident.output_error import OutputError, refine
 from ident.physical import doubts, invisible
+from ident.pooling import as_list, pooled
+from ident.prior import kept_possible
 from ident.quantities import Quantity, annotated, quantities
 from ident.recording import Instrument, find_recordings, with_free_clocks
 from ident.recursive import history
@@ -48,8 +51,9 @@ class Identification:
         velocity: (N, 3) measured body velocities of its rows.
         track: times (K,) s and recursive estimates (K, P), paper Fig. 6.
         residual_nrmse: (4,) equation error by axis and in all.
-        fit_run, test_run: free run on the (first) fit log and on the test log.
-        logs, test: what was used; they state what was found of their recording.
+        fit_run, test_run: free run on all fit logs and on all test logs.
+        logs, tests: what was used, short logs joined; they state what was found of their recording.
+        names: of all fit logs.
         recording: how the rows of every log came to be.
         refinement: result of the free-run refinement, where it was asked for.
     """
@@ -72,9 +76,15 @@ class Identification:
     fit_run: FreeRun
     test_run: FreeRun | None
     logs: tuple[Log, ...]
-    test: Log | None
+    tests: tuple[Log, ...]
+    names: tuple[str, ...]
     recording: tuple[Instrument, ...]
     refinement: OutputError | None
+
+    @property
+    def test(self) -> Log | None:
+        """The (first) test log."""
+        return self.tests[0] if self.tests else None
 
     def as_dict(self) -> dict[str, Any]:
         """Return what ``identify.py --json`` writes."""
@@ -87,7 +97,7 @@ class Identification:
             "hausman_p": self.hausman,
         }
         return {
-            "logs": [log.name for log in self.logs],
+            "logs": list(self.names),
             "parameters": {k: q.as_dict() for k, q in self.parameters.items()},
             "lumps": {k: q.as_dict() for k, q in self.lumps.items()},
             "condition": self.observability.condition,
@@ -104,10 +114,10 @@ class Identification:
 
 
 def identify(
-    logs: Log | list[Log],
+    logs: Log | Sequence[Log],
     model: str | Model = "nominal",
     add: dict[str, Any] | tuple[str, ...] = (),
-    test: Log | None = None,
+    test: Log | Sequence[Log] | None = None,
     method: str = "auto",
     corner: float = CORNER,
     clusters: int = CLUSTERS,
@@ -119,7 +129,7 @@ def identify(
         logs: measured records of one robot.
         model: start: platform, wheel mass and, where the logs say nothing, values.
         add: effects to estimate beyond those of the model.
-        test: record that is only used to report the free-run error.
+        test: records that are only used to report the free-run error.
         method: ``auto`` (instrumental variables where every log has a reference, else least
             squares), ``ls``, ``iv``, or ``free-run`` (output error, started from ``auto``).
         corner: corner of the filters, rad/s.
@@ -130,7 +140,8 @@ def identify(
         ValueError: an unknown method, instruments asked for without a reference, or logs that show
             nothing.
     """
-    logs = [logs] if isinstance(logs, Log) else list(logs)
+    given = as_list(logs)
+    logs, tests = pooled(given), pooled(as_list(test))
     prior = without_instruments(load_model(model))
     effects = dict.fromkeys(add) if isinstance(add, tuple | list) else dict(add)
     prior = _with_added(prior, effects) if effects else prior
@@ -139,8 +150,8 @@ def identify(
     # A robot that answers late counts as a clock that is early, unless an effect stands for it.
     late = any(active.effect.late for active in prior.effects)
     records = find_recordings(logs, prior, signed=not late)
-    tested = [] if test is None else find_recordings([test], prior, signed=not late)
-    logs, test = [record.log for record in records], tested[0].log if tested else None
+    tested = find_recordings(tests, prior, signed=not late) if tests else []
+    logs, tests = [record.log for record in records], [record.log for record in tested]
     model = prior
     for _ in range(RELINEARIZATIONS if prior.effects else 1):
         regression, velocity = _rows(logs, model, corner)
@@ -149,7 +160,9 @@ def identify(
         if observability.rank == 0:
             names = ", ".join(log.name for log in logs)
             raise ValueError(f"no parameter leaves a trace in {names}; record a livelier motion")
-        seen = Seen.of(observability, regression, start, model)
+        seen, bounded = kept_possible(
+            Seen.of(observability, regression, start, model), regression, prior
+        )
         found = LinearEstimation(seen, model, corner, clusters, instruments).of(records, regression)
         if method == "iv" and len(found) < 2:
             raise ValueError(
@@ -169,7 +182,7 @@ def identify(
         regression, velocity = _rows(logs, model, corner)
     parameters, lumped, extra = quantities(model, seen, factor, chosen)
     return Identification(
-        model=annotated(model, parameters, chosen, logs),
+        model=annotated(model, parameters, chosen, given),
         prior=prior,
         estimates=estimates,
         method=chosen,
@@ -178,16 +191,17 @@ def identify(
         effects=extra,
         observability=observability,
         hausman=durbin_wu_hausman(*found.values()) if len(found) == 2 else None,
-        doubts=doubts(model, parameters),
+        doubts=[*bounded, *doubts(model, parameters)],
         invisible=invisible(logs),
         regression=regression,
         velocity=velocity,
         track=_track(regression, seen),
         residual_nrmse=_equation_error(regression, model),
-        fit_run=free_run(logs[0], model),
-        test_run=free_run(test, model) if test is not None else None,
+        fit_run=free_run(logs, model),
+        test_run=free_run(tests, model) if tests else None,
         logs=tuple(logs),
-        test=test,
+        tests=tuple(tests),
+        names=tuple(log.name for log in given),
         recording=tuple(one for record in (*records, *tested) for one in record.instruments),
         refinement=refinement,
     )

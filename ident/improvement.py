@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from ident.diagnosis.verdict import Diagnosis, diagnose
 from ident.free_values import free_directions
 from ident.log import Log
 from ident.observability import parameter_sizes
+from ident.pooling import as_list
 from ident.quantities import Quantity, annotated, quantities
 from ident.scaled_fit import settled
 from ident.seen import Seen
@@ -93,9 +94,9 @@ class Improvement:
 
 
 def improve(
-    logs: Log | list[Log],
+    logs: Log | Sequence[Log],
     model: str | Model = "nominal",
-    test: Log | None = None,
+    test: Log | Sequence[Log] | None = None,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
     name: str = "improved",
@@ -105,7 +106,7 @@ def improve(
     Args:
         logs: records of one robot to fit.
         model: platform, known effects and start values.
-        test: another record of the same robot; its last part is not looked at before the end.
+        test: other records of the same robot; their last part is not looked at before the end.
         seed: of the bootstrap.
         progress: called with what is being done.
         name: of the final model.
@@ -116,11 +117,11 @@ def improve(
     Raises:
         ValueError: a log without drive input.
     """
-    logs = [logs] if isinstance(logs, Log) else list(logs)
+    logs = as_list(logs)
     found = diagnose(logs, model, test, seed, progress)
     if found.errors is None:
         return Improvement(found, (), found.model)
-    windows = sum(int(part.windows(FIT).sum()) for part in found.first.parts)
+    windows = sum(part.fitted for part in found.first.parts)
     factor, errors = float(stdtrit(max(windows - 1, 1), 0.975)), found.errors
     way = max(errors.before - errors.floor, 1e-12)
     stages: list[Stage] = []

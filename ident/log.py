@@ -74,6 +74,8 @@ class Log:
             is then taken as given.
         digest: SHA-256 of the file in hexadecimal digits; empty for a log not read from a file.
         source: name of the file.
+        runs: name of each record that the log was joined from, and the time at which it begins, s;
+            empty where it is one record.
     """
 
     name: str
@@ -94,6 +96,7 @@ class Log:
     recording: dict[str, dict[str, float]] = field(default_factory=dict)
     digest: str = ""
     source: str = ""
+    runs: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         count, wheels = len(self.time), len(self.platform.wheels)
@@ -208,8 +211,10 @@ class Log:
 
     @property
     def duration(self) -> float:
-        """Time from first to last sample, s."""
-        return float(self.time[-1] - self.time[0])
+        """Time from first to last sample, s; of all runs together, less what lies between them."""
+        first = np.searchsorted(self.time, [begin for _, begin in self.runs[1:]])
+        between = np.sum(self.time[first] - self.time[first - 1]) if len(first) else 0.0
+        return float(self.time[-1] - self.time[0] - between)
 
     @property
     def drive(self) -> str:
@@ -252,6 +257,14 @@ class Log:
             return [self]
         return [self._rows(slice(*s), f"{self.name}#{k}") for k, s in enumerate(self.spans, 1)]
 
+    def run_of(self, time: np.ndarray) -> np.ndarray:
+        """Numbers of the runs in which times, s in the log's own time, lie."""
+        return np.searchsorted([begin for _, begin in self.runs[1:]], time, side="right")
+
+    def run_name(self, number: int) -> str:
+        """Name of a run; of the log where it is one record."""
+        return self.runs[number][0] if self.runs else self.name
+
     def part(self, t0: float, t1: float) -> Log:
         """Samples with ``t0 <= time < t1``, s, in the log's own time.
 
@@ -270,7 +283,12 @@ class Log:
         values = {channel: getattr(self, channel) for channel in ("time", *CHANNELS)}
         cut = {channel: None if v is None else v[rows] for channel, v in values.items()}
         inside = (s - rows.start for s in self.starts if rows.start < s < rows.stop)
-        return replace(self, **cut, name=name, starts=(0, *inside))
+        ends = [*(begin for _, begin in self.runs[1:]), np.inf]
+        runs = tuple(
+            run for run, end in zip(self.runs, ends, strict=False)
+            if run[1] <= cut["time"][-1] and end > cut["time"][0]
+        )  # fmt: skip
+        return replace(self, **cut, name=name, starts=(0, *inside), runs=runs)
 
     def save(self, path: str | Path, remembered: Mapping[str, str] | None = None) -> Path:
         """Write the log as CSV, or as Parquet by the name's ending, and return the path.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +16,10 @@ from youbot_env.parameters import UNITS
 
 # Where a value the logs do not determine comes from.
 UNSEEN = "rests on the prior model"
+# Where a value comes from that would be impossible, as far as the logs determine it.
+AT_BOUND = "held at the bound of what is possible"
+# Logs of which all names are told.
+MOST_NAMES = 4
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,8 @@ def quantities(
     at = [names.index(name) for name in seen.names]
 
     def quantity(value: float, weights: np.ndarray, unit: str) -> Quantity:
+        if any(weights[names.index(name)] != 0 for name in seen.held):
+            return Quantity(float(value), unit, None, None, AT_BOUND)
         se = float(np.sqrt(max(weights @ covariance @ weights, 0.0)))
         if se == 0.0 or not (np.isfinite(se) and seen.determines(weights[at])):
             return Quantity(float(value), unit, None, None, UNSEEN)
@@ -77,9 +84,16 @@ def quantities(
     return parameters, lumped, extra
 
 
+def listed_names(logs: Sequence[Log]) -> str:
+    """Names of logs in words; of many the first, and how many more."""
+    if len(logs) > MOST_NAMES:
+        return f"{logs[0].name} and {len(logs) - 1} more"
+    return " + ".join(log.name for log in logs)
+
+
 def annotated(model: Model, parameters: dict[str, Quantity], method: str, logs: list[Log]) -> Model:
     """The model with where its parameters come from, their errors, and what it rests on."""
-    used = " + ".join(log.name for log in logs)
+    used = listed_names(logs)
     return replace(
         model,
         sources={

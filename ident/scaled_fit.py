@@ -11,6 +11,7 @@ from ident.angle_drift import drifted
 from ident.free_values import FreeValues
 from ident.jackknife import left_one_out
 from ident.log import Log
+from ident.pooling import MANY_RUNS
 from ident.scopes import Scopes
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
@@ -34,7 +35,7 @@ class ScaledFit:
         scopes: which values each log shares with the others.
         simulations: each log simulated with its model.
         error: (N,) settled free-run errors of the windows that are fitted, weighted.
-        groups: (N,) number of the window of each.
+        groups: (N,) number of the window of each, or of the run where there are many.
         keep: (W,) for each log, the windows that are fitted.
         weights: (m,) for each log, of its outputs.
         smooth: whether errors and columns are averaged, see ``smoothed``.
@@ -63,8 +64,9 @@ class ScaledFit:
         for sim, kept, weight in zip(simulations, keep, weights, strict=True):
             error = smoothed(scaled_error(sim, weight), smooth)[kept]
             parts.append(error.ravel())
-            groups.append(count + np.repeat(np.arange(len(error)), error[0].size))
-            count += len(error)
+            number = independent(sim.run[kept])
+            groups.append(count + np.repeat(number, error[0].size))
+            count += int(number[-1]) + 1
         scopes = Scopes.of(models[0], len(logs))
         return cls(scopes.join(models), scopes, simulations, np.concatenate(parts),
                    np.concatenate(groups), keep, weights, smooth)  # fmt: skip
@@ -143,6 +145,16 @@ class ScaledFit:
             ]
             changes.append(np.concatenate(error) - self.error)
         return np.stack(changes, axis=1)
+
+
+def independent(run: np.ndarray) -> np.ndarray:
+    """(W,) number of the group of windows, independent of the others, that each belongs to.
+
+    Args:
+        run: (W,) run that each lies in, ascending.
+    """
+    number = np.unique(run, return_inverse=True)[1]
+    return number if number[-1] + 1 >= MANY_RUNS else np.arange(len(run))
 
 
 def smoothed(rows: np.ndarray, wanted: bool = True) -> np.ndarray:

@@ -29,6 +29,7 @@ class Seen:
         sizes: (P,) what one unit of each coordinate is worth.
         basis: (P, k) directions that are seen.
         null: (P - k, P) directions that are not.
+        held: names of parameters that are held at a bound.
     """
 
     names: tuple[str, ...]
@@ -36,6 +37,7 @@ class Seen:
     sizes: np.ndarray
     basis: np.ndarray
     null: np.ndarray
+    held: tuple[str, ...] = ()
 
     @classmethod
     def of(

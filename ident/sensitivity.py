@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from ident.dead_reckoning import wheel_angles
-from ident.free_run import Windows, cut_windows, seen_by_sensors
+from ident.free_run import LEAST_WINDOW, Windows, cut_windows, fitting, seen_by_sensors
 from ident.log import Log
 from ident.recent import Recent, part_of
 from ident.restored import INSTRUMENTS, restored
@@ -32,7 +32,7 @@ from youbot_env.model import Model
 from youbot_env.plant import Robot, Structure
 
 # Windows: at most this long, s, and as many in a log as statistics over windows need.
-LONGEST, SHORTEST, WANTED = 4.0, 2.0, 28
+LONGEST, WANTED = 4.0, 28
 # Step of numerical derivatives: relative, and the size from which it is relative.
 STEP, SMALL = 1e-3, 1e-2
 # The same for velocities, m/s and rad/s: far below the speeds over which dry friction turns round.
@@ -46,7 +46,7 @@ COARSE = 2.0
 
 def window_length(log: Log) -> float:
     """Length of the windows of a log, s."""
-    return float(np.clip(log.duration / WANTED, SHORTEST, LONGEST))
+    return fitting(log, float(np.clip(log.duration / WANTED, LEAST_WINDOW, LONGEST)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +93,11 @@ class Linearised:
         velocities, m/s, m/s, rad/s.
         """
         return _output(self.raw)[self.windows.index] - self._shaped(self._present[1])
+
+    @cached_property
+    def run(self) -> np.ndarray:
+        """(W,) number of the run that each window lies in."""
+        return self.log.run_of(self.log.time[self.windows.index[:, 0]])
 
     @property
     def measured(self) -> np.ndarray:

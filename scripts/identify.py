@@ -26,7 +26,7 @@ from given_logs import (
 
 from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
 from ident.identification import identify
-from ident.quantities import UNSEEN
+from ident.quantities import AT_BOUND, UNSEEN
 from ident.recording import in_words
 from ident.report.findings import accepted, finding_lines, findings_json
 from ident.report.identify import identification_page
@@ -42,6 +42,9 @@ from ident.report.outcome import (
 from youbot_env.envs.randomization import Posterior
 from youbot_env.model import Model
 from youbot_env.model_file import load_model, save_model, write_atomically
+
+# What the table says of values that no log determines.
+ORIGIN = {UNSEEN: "prior", AT_BOUND: "bound"}
 
 
 @reads_logs
@@ -171,10 +174,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     console.out.print(outcome.verdict, style="bold", soft_wrap=True)
     console.section("How the logs were recorded", in_words(result.recording))
     heads = ("", outcome.label, "identified", "95 % interval", "unit")
-    rows = [
-        (*row[:5], "prior" if row[5] == UNSEEN else "fit", row[6])
-        for row in parameter_rows(outcome)
-    ]
+    rows = [(*row[:5], ORIGIN.get(row[5], "fit"), row[6]) for row in parameter_rows(outcome)]
     console.out.print()
     console.table(f"Parameters, by {result.method}", (*heads, "source", "doubt"), rows)
     if result.effects:
@@ -190,7 +190,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     console.out.print(agreement_note(result), soft_wrap=True)
     console.out.print()
     head = ("axis", "unit", "rms", f"error, {outcome.label}", "error, identified")
-    console.table(f"Free run on {outcome.log.name}", head, error_rows(outcome))
+    console.table(f"Free run on {outcome.judged_on}", head, error_rows(outcome))
     seen = result.observability
     words = f"\n{seen.rank} of {len(seen.names)} parameter directions seen"
     if math.isfinite(seen.condition):
@@ -198,8 +198,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     console.out.print(words)
     console.section("Undetermined by these logs", seen.words)
     console.section("Invisible to logs of this kind", result.invisible)
-    logs = [*result.logs, *([] if result.test is None else [result.test])]
-    console.section("Log doctor", finding_lines(logs))
+    console.section("Log doctor", finding_lines([*result.logs, *result.tests]))
     if not outcome.untouched:
         console.section("Advice", ["give a log that is not fitted with --test to judge by"])
     console.out.print()

@@ -175,11 +175,11 @@ def test_weak_records_are_refused_with_the_reason(quiet):
 
 def test_windows_are_never_fitted_and_judged_at_once(quiet):
     fit, test = quiet
-    first, second = divide([fit], test, NOMINAL)
+    first, second = divide([fit], [test], NOMINAL)
     assert set(first.role) == {FIT}
     assert set(second.role) == {SELECT, VERIFY}
     assert list(second.role) == sorted(second.role)
-    (alone,) = divide([fit], None, NOMINAL)
+    (alone,) = divide([fit], [], NOMINAL)
     assert set(alone.role) == {FIT, VERIFY}
     keep = alone.windows(FIT)
     spoiled = fit.wheel_velocity.copy()
@@ -205,7 +205,7 @@ def test_traces_are_what_adding_the_effect_changes(quiet):
 
 def test_held_out_gain_of_pure_noise_is_nothing(quiet):
     fit, test = quiet
-    parts = divide([fit], test, NOMINAL)
+    parts = divide([fit], [test], NOMINAL)
     refined, simulations = refit(parts, NOMINAL)
     generic = dependences([fit, test])
     tried = trials(refined.model, [fit])

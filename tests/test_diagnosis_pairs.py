@@ -33,7 +33,7 @@ def logs(effects):
 
 
 def first_round(fit, test):
-    parts = divide([fit], test, NOMINAL)
+    parts = divide([fit], [test], NOMINAL)
     refined, simulations = refit(parts, NOMINAL)
     refined, simulations = refit(parts, refined.model)
     return Round.of(parts, simulations, [], 0)
@@ -84,7 +84,7 @@ def test_one_effect_gives_no_pair():
 
 
 def test_a_step_is_chosen_again_beside_what_came_later(two):
-    parts = divide([two[0]], two[1], NOMINAL)
+    parts = divide([two[0]], [two[1]], NOMINAL)
     base, simulations = refit(parts, NOMINAL)
     first = Round.of(parts, simulations, [], 0)
     at = Search(Refits(parts), base, [], [0], lambda what: None, first, first, [])

@@ -260,3 +260,15 @@ def test_dead_zone_and_ripple_values():
             motion(plain, zero, (torque,) * 4)[0],
             atol=1e-12,
         )
+
+
+def test_dry_friction_of_the_body_opposes_translation_with_one_force():
+    effect = get_effect("body_dry_friction")
+    p = effect.arrange({"fb": 12.0}, PLATFORM)
+    for heading in (0.0, 0.9, 2.4, -1.3):
+        v = (0.2 * math.cos(heading), 0.2 * math.sin(heading), 0.7)
+        rest = ((0.0,) * 3, (0.0,) * 4, (0.0,) * 4)
+        s = Signals(PLATFORM, PLATFORM.geometry, CENTRED.theta(PLATFORM), 0.0, v, *rest)
+        fx, fy, moment = effect.body(p, s, FLOAT)
+        assert (fx, fy) == pytest.approx((-12.0 * math.cos(heading), -12.0 * math.sin(heading)))
+        assert moment == 0.0

@@ -33,6 +33,7 @@ DISSIPATIVE = (
     "rolling_resistance",
     "yaw_scrub_friction",
     "quadratic_drag",
+    "body_dry_friction",
 )
 
 

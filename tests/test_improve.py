@@ -42,7 +42,8 @@ def test_error_falls_at_every_step_and_the_base_returns(logs):
     assert done.stages[-1].covered > 0.9
     truth = load_model("paper").parameters
     first, last = (
-        abs(stage.base["a_y"].value - truth.a_y) for stage in done.stages[:: len(errors) - 1]
+        np.hypot(stage.base["a_x"].value - truth.a_x, stage.base["a_y"].value - truth.a_y)
+        for stage in done.stages[:: len(errors) - 1]
     )
     assert last < 0.2 * first
     mu1 = [stage.base["mu1"] for stage in done.stages]
@@ -53,7 +54,7 @@ def test_without_turning_mass_and_wheel_inertia_stay_open():
     robot, motion = load_model("nominal"), make_reference("III", speed=0.4)
     channels = record_closed_loop(robot, motion, np.arange(3000) / 100, IDEAL, seed=0)
     log = Log("straight", robot.platform, **channels)
-    parts = divide([log], None, robot)
+    parts = divide([log], [], robot)
     base = _base(parts, refit(parts, robot, intervals=True)[0].model, 2.0)
     found = {name for name, q in base.items() if q.se is not None}
     assert found == {"mu1", "mu2", "x1+x3"}

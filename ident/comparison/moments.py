@@ -31,6 +31,7 @@ class Moments:
         pose: (N, 3) x, y m and yaw rad, world frame; None where it was not measured.
         wheel_angle: (N, n) rad from the start; None where wheel speeds were not measured, or where
             gaps make the angle of one piece unknown in the next.
+        of_runs: whether the log is of many runs, which have no common time.
     """
 
     platform: Platform
@@ -41,6 +42,7 @@ class Moments:
     command: np.ndarray
     pose: np.ndarray | None
     wheel_angle: np.ndarray | None
+    of_runs: bool = False
 
     @classmethod
     def of(cls, log: Log, regression: Regression, corner: float = CORNER) -> Moments:
@@ -72,6 +74,7 @@ class Moments:
             joined["command"],
             joined.get("pose"),
             joined.get("wheel_angle"),
+            bool(log.runs),
         )
 
     @property

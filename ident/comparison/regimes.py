@@ -64,9 +64,10 @@ def _of_the_body(m: Moments):
     yield "turning left", "direction", turning > 0.3 * np.abs(turning).max()
     yield "turning right", "direction", -turning > 0.3 * np.abs(turning).max()
     yield from _thirds(m.drive, "torque", np.linalg.norm(m.command, axis=1))
-    part = np.arange(len(m.time)) * len(QUARTERS) // len(m.time)
-    for k, name in enumerate(QUARTERS):
-        yield f"{name} quarter of the time", "time", part == k
+    if not m.of_runs:
+        part = np.arange(len(m.time)) * len(QUARTERS) // len(m.time)
+        for k, name in enumerate(QUARTERS):
+            yield f"{name} quarter of the time", "time", part == k
     if m.pose is not None:
         heading = np.mod(np.round(m.pose[:, 2] / (np.pi / 2)), 4)
         for k, name in enumerate(HEADINGS):

@@ -7,7 +7,7 @@ signal's rms about its mean.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from ident.comparison.stretches import LEAST_WINDOWS, Stretch, window_errors, wo
 from ident.free_run import WINDOW, FreeRun, free_run
 from ident.instruments import without_instruments
 from ident.log import Log
+from ident.pooling import as_list, as_one
 from ident.recording import Instrument, find_recordings
 from ident.regression import AXES, Regression, build_regression
 from youbot_env.model import Model
@@ -101,16 +102,16 @@ class Comparison:
 
 
 def compare(
-    log: Log,
+    log: Log | Sequence[Log],
     models: Iterable[Model],
     window: float = WINDOW,
     seed: int = 0,
     progress: Callable[[int], None] | None = None,
 ) -> list[Comparison]:
-    """Compare models with a log.
+    """Compare models with logs.
 
     Args:
-        log: measured record with a drive input.
+        log: measured record with a drive input; several count as runs of one record.
         models: any number of models on the log's platform.
         window: length of the free runs, s.
         seed: of the resampling behind the intervals; the same draws for every model.
@@ -119,6 +120,7 @@ def compare(
     Raises:
         ValueError: a model on another platform, or a log without drive input or too short.
     """
+    log = as_one(as_list(log))
     models, found = [without_instruments(model) for model in models], []
     for model in models:
         check_platform(log, model)

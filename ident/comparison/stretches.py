@@ -25,6 +25,7 @@ class Stretch:
     Attributes:
         window: its number.
         start, end: s from the start of the log.
+        log: name of the record it lies in.
         nrmse: free-run error within it, as a share of the signals' rms over the whole log.
         share_of_error: of the squared error of all windows.
         rmse: (3,) m/s, m/s, rad/s.
@@ -36,11 +37,13 @@ class Stretch:
     nrmse: float
     share_of_error: float
     rmse: np.ndarray
+    log: str
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows."""
         vx, vy, yaw = (float(v) for v in self.rmse)
         return {
+            "log": self.log,
             "start": self.start,
             "end": self.end,
             "nrmse": self.nrmse,
@@ -74,6 +77,7 @@ def worst_stretches(log: Log, run: FreeRun, count: int = WORST) -> tuple[Stretch
                 float(np.sqrt(squared[number])),
                 float(squared[number] / squared.sum()),
                 np.sqrt(np.mean(error**2, axis=0)),
+                log.run_name(int(log.run_of(run.time[rows][0]))),
             )
         )
     return tuple(found)

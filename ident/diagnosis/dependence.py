@@ -56,11 +56,12 @@ def dependences(logs: list[Log]) -> list[Dependence]:
         found.append(
             Dependence("place", lambda sim: _place(sim, corner, np.maximum(side, 1e-3)), True)
         )
-    shortest = min(log.duration for log in logs)
-    for tone in np.geomspace(max(SLOWEST, 2 / shortest), FASTEST, TONES):
-        found.append(Dependence("time", lambda sim, tone=tone: _periodic(sim, tone), True))
-    longest = max(log.duration for log in logs)
-    found.append(Dependence("time", lambda sim: _drift(sim, longest), True))
+    if not any(log.runs for log in logs):  # runs have no common time
+        shortest = min(log.duration for log in logs)
+        for tone in np.geomspace(max(SLOWEST, 2 / shortest), FASTEST, TONES):
+            found.append(Dependence("time", lambda sim, tone=tone: _periodic(sim, tone), True))
+        longest = max(log.duration for log in logs)
+        found.append(Dependence("time", lambda sim: _drift(sim, longest), True))
     for order in (1, 2):
         found.append(Dependence("wheel angle", lambda sim, order=order: _angle(sim, order)))
     return found

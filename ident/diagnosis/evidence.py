@@ -17,7 +17,7 @@ import numpy as np
 from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.parts import FIT, SELECT, Part
 from ident.diagnosis.reduced import Reduced
-from ident.diagnosis.rows import averaged, score, stretches
+from ident.diagnosis.rows import averaged, by_run, score, stretches
 from ident.diagnosis.significance import wild_p_values
 from ident.diagnosis.trials import Trial
 from ident.free_values import free_directions, value_bounds
@@ -53,6 +53,7 @@ class Evidence:
         scale: (n - 1,) lengths before scaling.
         role: (W,) role of each window.
         log: (W,) number of its log.
+        run: (W,) number of the run of that log.
         base: number of base columns.
     """
 
@@ -66,6 +67,7 @@ class Evidence:
     scale: np.ndarray
     role: np.ndarray
     log: np.ndarray
+    run: np.ndarray
     base: int
 
     @classmethod
@@ -111,7 +113,9 @@ class Evidence:
             flat = rows.reshape(len(rows), -1, rows.shape[-1])
             grams.append(flat.transpose(0, 2, 1) @ flat)
             if part.windows(FIT).any():
-                tested.append(stretches(rows[part.windows(FIT)], sim))
+                found_rows = stretches(rows[part.windows(FIT)], sim)
+                each = len(found_rows) // np.count_nonzero(part.windows(FIT))
+                tested.append((found_rows, np.repeat(part.run[part.windows(FIT)], each)))
             role.append(part.role)
             log.append(np.full(len(part.role), number))
         grams = np.concatenate(grams)
@@ -130,7 +134,9 @@ class Evidence:
         role, log = np.concatenate(role), np.concatenate(log)
         everything = grams[role == FIT].sum(axis=0)
         share = Reduced.of(everything, everything, base).share
-        scores = np.concatenate([score(rows / by, share, base) for rows in tested])
+        scores = np.concatenate(
+            [by_run(score(rows / by, share, base), run) for rows, run in tested]
+        )
         return cls(
             model,
             tuple(found),
@@ -144,6 +150,7 @@ class Evidence:
             scale,
             role,
             log,
+            np.concatenate([part.run for part in parts]),
             base,
         )
 
@@ -160,7 +167,7 @@ class Evidence:
     @cached_property
     def _blocks(self) -> list[Reduced]:
         """Fits that leave out one block of consecutive windows each, and errors on that block."""
-        return self._left_out(FIT, lambda count: np.arange(count) * BLOCKS // count)
+        return self._left_out(FIT, _in_blocks)
 
     @cached_property
     def _transfer(self) -> list[Reduced]:
@@ -176,9 +183,9 @@ class Evidence:
 
         A drift in time, or a patch of floor, is no business of another log or of another quarter.
         """
-        every = [self._left_out(FIT, lambda count: np.arange(count) % BLOCKS)]
+        every = [self._left_out(FIT, _here_and_there)]
         if np.count_nonzero(self.role == SELECT) >= 2 * BLOCKS:
-            every.append(self._left_out(SELECT, lambda count: np.arange(count) % BLOCKS))
+            every.append(self._left_out(SELECT, _here_and_there))
         return every
 
     @cached_property
@@ -186,11 +193,11 @@ class Evidence:
         """Fits that leave out blocks of the fitted logs, and some windows of the other one."""
         return [self._blocks, *self._inside[1:]]
 
-    def _left_out(self, role: int, number: Callable[[int], np.ndarray]) -> list[Reduced]:
+    def _left_out(self, role: int, number: Callable[[np.ndarray], np.ndarray]) -> list[Reduced]:
         found = []
         for log in np.unique(self.log[self.role == role]):
             inside = np.flatnonzero((self.log == log) & (self.role == role))
-            block = number(len(inside))
+            block = number(self.run[inside])
             for k in np.unique(block):
                 out = np.zeros(len(self.log), bool)
                 out[inside[block == k]] = True
@@ -317,6 +324,22 @@ class Evidence:
         families = [t.identifier for t in self.trials] + [""] * len(self.dependences)
         scores = [self.scores[:, columns - self.base] for columns in self.columns]
         return wild_p_values(scores, np.array(families), seed)
+
+
+def _in_blocks(run: np.ndarray) -> np.ndarray:
+    """(W,) block of each window: of runs whole ones, else consecutive windows.
+
+    Runs that follow each other are often of one kind; every block holds some of every kind.
+    """
+    number = np.unique(run, return_inverse=True)[1]
+    if number[-1] + 1 >= BLOCKS:
+        return number % BLOCKS
+    return np.arange(len(run)) * BLOCKS // len(run)
+
+
+def _here_and_there(run: np.ndarray) -> np.ndarray:
+    """(W,) block of each window, every so many windows one of the same."""
+    return np.arange(len(run)) % BLOCKS
 
 
 def _placed(columns: np.ndarray, number: int, count: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Whether a log can decide anything at all."""
+"""Whether logs can decide anything at all."""
 
 from __future__ import annotations
 
@@ -12,27 +12,35 @@ LEAST_SECONDS, LEAST_SPEED = 20.0, 0.03
 MOST_CLIPPED = 0.05
 
 
-def unfit(log: Log) -> str:
-    """Say why a log can decide nothing, and what to record; empty when it can."""
-    bent = [finding for finding in log.findings if finding.geometry]
-    if bent:
-        return f"{log.name}: {bent[0].message}"
-    velocity = log.velocity()
-    speed = float(np.sqrt(np.mean((velocity * (1.0, 1.0, log.platform.lever)) ** 2) * 3))
-    if log.duration < LEAST_SECONDS:
+def unfit(logs: list[Log]) -> str:
+    """Say why logs can decide nothing together, and what to record; empty when they can."""
+    for log in logs:
+        bent = [finding for finding in log.findings if finding.geometry]
+        if bent:
+            return f"{log.name}: {bent[0].message}"
+    seconds, names = sum(log.duration for log in logs), " + ".join(log.name for log in logs)
+    if seconds < LEAST_SECONDS:
+        lasts = "lasts" if len(logs) == 1 and not logs[0].runs else "together last"
         return (
-            f"{log.name} lasts {log.duration:.3g} s; record at least {LEAST_SECONDS:g} s, better "
+            f"{names} {lasts} {seconds:.3g} s; record at least {LEAST_SECONDS:g} s, better "
             "112 s of `record.py --motion calibration`"
         )
+    level = np.concatenate([log.velocity() * (1.0, 1.0, log.platform.lever) for log in logs])
+    speed = float(np.sqrt(np.mean(level**2) * 3))
     if speed < LEAST_SPEED:
         return (
-            f"{log.name} hardly moves ({speed:.3g} m/s rms); drive it along "
+            f"{names} hardly moves ({speed:.3g} m/s rms); drive it along "
             "`record.py --motion calibration`"
         )
-    clipped = {"drive input": log.command}
+    return next(filter(None, map(_clipped, logs)), "")
+
+
+def _clipped(log: Log) -> str:
+    """Say which signal of a log has flat tops; empty when none has."""
+    signals = {"drive input": log.command}
     if log.wheel_velocity is not None:
-        clipped["speed"] = log.wheel_velocity
-    for what, signal in clipped.items():
+        signals["speed"] = log.wheel_velocity
+    for what, signal in signals.items():
         size = np.abs(signal)
         share = np.mean(size >= 0.999 * size.max(axis=0), axis=0)
         wheel = int(np.argmax(share))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.parts import CHOOSING, FIT, divide
+from ident.diagnosis.parts import FIT, choosing_until, divide
 from ident.diagnosis.rivals import Refits
 from ident.instruments import HOLD, OFFSET, SHIFT, stated
 from ident.log import Log
@@ -26,17 +26,18 @@ from youbot_env.measurement import HELD, HOLDS
 from youbot_env.model import Model
 
 
-def recordings(logs: list[Log], test: Log | None, model: Model) -> list[Recording]:
-    """What every log needs of the measurement model, that for choosing from its first part.
+def recordings(logs: list[Log], tests: list[Log], model: Model) -> list[Recording]:
+    """What every log needs of the measurement model, of those for choosing from their first part.
 
     What makes the robot answer late is left to be found by the search.
     """
-    if test is None:
-        return find_recordings(logs, model, signed=False)
-    first = test.part(test.time[0], test.time[0] + CHOOSING * test.duration)
-    found = find_recordings([*logs, first], model, signed=False)
-    last = found[-1]
-    return [*found[:-1], replace(last, log=replace(test, recording=last.log.recording))]
+    first = [test.part(test.time[0], choosing_until(test)) for test in tests]
+    found = find_recordings([*logs, *first], model, signed=False)
+    last = [
+        replace(one, log=replace(test, recording=one.log.recording))
+        for one, test in zip(found[len(logs) :], tests, strict=True)
+    ]
+    return [*found[: len(logs)], *last]
 
 
 def ready(record: Recording, model: Model, interval: float) -> Log:
@@ -52,23 +53,21 @@ def ready(record: Recording, model: Model, interval: float) -> Log:
     return replace(log, recording=undone | {HOLD: {"kind": float(HOLDS.index(HELD))}})
 
 
-def freed(
-    fits: Refits, records: list[Recording], base: Model, tested: bool
-) -> tuple[Refits, Model]:
+def freed(fits: Refits, records: list[Recording], base: Model, tested: int) -> tuple[Refits, Model]:
     """Fits to all rows, in which the clocks of the fitted logs move with the robot.
 
     Args:
         fits: those of the search.
         records: the logs.
         base: the model that the search began with.
-        tested: whether the last log is the one for choosing.
+        tested: how many logs, the last ones, are for choosing.
 
     Returns:
         The fits, and the base for them.
     """
     whole = [replace(record, log=ready(record, base, DENSE)) for record in records]
     logs, model, ends = with_free_clocks(whole, base)
-    parts = divide(logs[: len(logs) - tested], logs[-1] if tested else None, base)
+    parts = divide(logs[: len(logs) - tested], logs[len(logs) - tested :], base)
     chosen = []
     for part, coarse, record, end in zip(parts, fits.parts, whole, ends, strict=True):
         fitted = part.windows(FIT).any()

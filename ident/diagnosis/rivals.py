@@ -117,8 +117,13 @@ def refit(
         intervals=intervals,
         ends=[part.ends for part in fitted],
     )
-    others = [Linearised.of(p.log, adopted(p, refined.model)) for p in parts[len(fitted) :]]
-    return refined, (*refined.simulations, *others)
+    simulated = iter(refined.simulations)
+    return refined, tuple(
+        next(simulated)
+        if part.windows(FIT).any()
+        else Linearised.of(part.log, adopted(part, refined.model))
+        for part in parts
+    )
 
 
 def adopted(part: Part, model: Model) -> Model:
@@ -260,7 +265,9 @@ def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate |
     return Candidate(trial.identifier, number, refined, simulations, loss, count)
 
 
-def ranked(found: list[Candidate], role: np.ndarray, before: np.ndarray) -> list[Candidate]:
+def ranked(
+    found: list[Candidate], role: np.ndarray, before: np.ndarray, group: np.ndarray
+) -> list[Candidate]:
     """The group that cannot be told apart, best first.
 
     The windows for choosing decide, which no candidate was fitted to; what they leave open the
@@ -270,33 +277,37 @@ def ranked(found: list[Candidate], role: np.ndarray, before: np.ndarray) -> list
         found: candidates.
         role: (W,) roles of the windows.
         before: (W,) losses without any of them.
+        group: (W,) number of what is independent, windows or whole runs, that each belongs to.
     """
     scale = np.ones(len(role))
     for kind in (FIT, SELECT):
         if np.any(role == kind):
             scale[role == kind] = before[role == kind].mean()
 
-    losses = {id(c): c.loss / scale for c in found}
-    group = _alike(found, losses, role == SELECT) if np.any(role == SELECT) else found
-    group = _alike(group, losses, role != VERIFY)
+    losses, chosen = {id(c): c.loss / scale for c in found}, found
+    if np.any(role == SELECT):
+        chosen = _alike(chosen, losses, role == SELECT, group)
+    chosen = _alike(chosen, losses, role != VERIFY, group)
     # A law with a spare parameter that is not needed is the law without it; one that lies at its
     # bound may stand for something else about that.
-    best = group[0].identifier
-    if group[0].at_bound:
+    best = chosen[0].identifier
+    if chosen[0].at_bound:
         special = get_effect(best).contains
-        group = group + [c for c in found if c.identifier in special and c not in group]
-    return [c for c in group if best not in get_effect(c.identifier).contains]
+        chosen = chosen + [c for c in found if c.identifier in special and c not in chosen]
+    return [c for c in chosen if best not in get_effect(c.identifier).contains]
 
 
 def _alike(
-    found: list[Candidate], loss: dict[int, np.ndarray], windows: np.ndarray
+    found: list[Candidate], loss: dict[int, np.ndarray], windows: np.ndarray, group: np.ndarray
 ) -> list[Candidate]:
     """Those within chance of the best on some windows, best first.
 
     Losses are in units of the mean loss without any of them.
     """
-    count = np.count_nonzero(windows)
-    losses = [loss[id(c)][windows] for c in found]
+    number = np.unique(group[windows], return_inverse=True)[1]
+    size = np.bincount(number)
+    losses = [np.bincount(number, loss[id(c)][windows]) / size for c in found]
+    count = len(size)
     score = [
         EACH * count * np.log(one.mean()) + c.count * np.log(EACH * count)
         for c, one in zip(found, losses, strict=True)

@@ -19,6 +19,7 @@ from ident.diagnosis.trials import Trial, trials
 from ident.free_run import cut_windows
 from ident.log import Log
 from ident.noise_floor import noise_floor
+from ident.scaled_fit import independent
 from ident.sensitivity import Linearised, window_length
 from youbot_env.model import Model
 
@@ -144,7 +145,16 @@ class Round:
         found = [c for c in found if c is not None and self.helps(c)]
         if present is not None and present.identifier not in {c.identifier for c in found}:
             found.append(present)
-        return ranked(found, self.evidence.role, self.loss) if found else []
+        return ranked(found, self.evidence.role, self.loss, self._independent) if found else []
+
+    @property
+    def _independent(self) -> np.ndarray:
+        """(W,) number of what is independent, windows or whole runs, that each belongs to."""
+        numbers, count = [], 0
+        for part in self.parts:
+            numbers.append(count + independent(part.run))
+            count = int(numbers[-1][-1]) + 1
+        return np.concatenate(numbers)
 
     def pair(self, group: list[Candidate]) -> tuple[int, int] | None:
         """Two effects that explain far more than the best one; None where one is enough.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ident.pooling import MANY_RUNS
 from ident.scaled_fit import settled
 from ident.sensitivity import Linearised
 
@@ -30,6 +31,14 @@ def score(rows: np.ndarray, share: np.ndarray, base: int) -> np.ndarray:
     """(stretches, n - base - 1) inner products of columns and errors, less what the base takes."""
     left = rows[..., base:] - rows[..., :base] @ share
     return np.einsum("srk,sr->sk", left[..., :-1], left[..., -1], optimize=True)
+
+
+def by_run(scores: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Scores (stretches, k) summed over runs (stretches,), where these are many."""
+    if len(np.unique(run)) < MANY_RUNS:
+        return scores
+    first = np.flatnonzero(np.diff(run, prepend=-1))
+    return np.add.reduceat(scores, first, axis=0)
 
 
 def averaged(sim: Linearised, rows: np.ndarray) -> np.ndarray:

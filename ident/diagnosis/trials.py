@@ -116,6 +116,8 @@ def effect_unreadable(effect: Effect) -> Callable[[Log], str]:
             return "only a measured pose shows it"
         if effect.channel and getattr(log, effect.channel) is None:
             return f"the log has no {effect.channel.replace('_', ' ')}"
+        if effect.needs_time and log.runs:
+            return "what came between the runs is not known"
         return behind_gap(effect, log)
 
     return reason

@@ -23,6 +23,7 @@ from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
 from ident.output_error import OutputError
+from ident.pooling import as_list, pooled
 from ident.recording import Instrument, Recording
 from ident.thinning import SEARCHED
 from youbot_env.effects import get_effect
@@ -111,7 +112,7 @@ class Diagnosis:
 def diagnose(
     logs: Log | Sequence[Log],
     model: str | Model = "nominal",
-    test: Log | None = None,
+    test: Log | Sequence[Log] | None = None,
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
@@ -120,42 +121,41 @@ def diagnose(
     Args:
         logs: records of one robot to fit.
         model: platform, known effects and start values.
-        test: another record of the same robot, best of another motion.  Its first part helps to
-            choose between rivals, its last part has the last word.  Without it windows of the
-            logs are kept for that.
+        test: other records of the same robot, best of other motions.  Their first part helps to
+            choose between rivals, their last part has the last word.  Without them windows of the
+            logs, or of many logs whole ones, are kept for that.
         seed: of the bootstrap.
         progress: called with what is being done.
 
     Raises:
         ValueError: a log without drive input, or of another platform.
     """
-    logs = [logs] if isinstance(logs, Log) else list(logs)
+    logs, tests = pooled(as_list(logs)), pooled(as_list(test))
     tell = progress or (lambda what: None)
     model = load_model(model)
-    everything = logs if test is None else [*logs, test]
-    for log in everything:
+    for log in (*logs, *tests):
         if log.platform != model.platform:
             model = replace(model, platform=log.platform)
     name = " + ".join(log.name for log in logs)
-    weak = next(filter(None, (unfit(log) for log in everything if log is not test)), "")
+    weak = unfit(logs)
     if weak:
         return Diagnosis(name, "cannot_say", weak, (), model, model, experiment=CALIBRATION)
     tell("finding out how the logs were recorded")
     model = without_instruments(model)
-    records = recordings(logs, test, model)
-    found, refined = _searched(records, model, test is not None, seed, tell)
+    records = recordings(logs, tests, model)
+    found, refined = _searched(records, model, len(tests), seed, tell)
     if found.steps and found.first.wheels_agree and not all(one.known for one in records):
         # What was found may tell more of a clock than the usual nuisances did; where that changes
         # it, what was found rests on a wrong one.  Rolling leaves too much for that.
         tell("finding out again how the logs were recorded")
-        again = recordings(logs, test, without_late(with_steps(refined.model, found.steps)))
+        again = recordings(logs, tests, without_late(with_steps(refined.model, found.steps)))
         if any(new.moved_from(old) for new, old in zip(again, records, strict=True)):
             records = again
-            found, refined = _searched(records, model, test is not None, seed, tell)
+            found, refined = _searched(records, model, len(tests), seed, tell)
     first, now, outside = found.first, found.last, found.outside
     tell("measuring errors on untouched windows")
     steps = confirmed(found.fits, refined, found.steps, first.simulations[-1])
-    fits, start = freed(found.fits, records, refined.model, test is not None)
+    fits, start = freed(found.fits, records, refined.model, len(tests))
     chain = chain_of(fits, start, steps)
     errors = free_run_errors(fits, chain, fits.of(chain[0][1])[1][-1])
     last = chain[-1][1]
@@ -185,11 +185,11 @@ def diagnose(
 
 
 def _searched(
-    records: list[Recording], model: Model, tested: bool, seed: int, tell: Callable[[str], None]
+    records: list[Recording], model: Model, tested: int, seed: int, tell: Callable[[str], None]
 ) -> tuple[Search, OutputError]:
     """Look for what is missing in logs whose recording is known, and the base model for that."""
     logs = [ready(record, model, SEARCHED) for record in records]
-    parts = divide(logs[: len(logs) - tested], logs[-1] if tested else None, model)
+    parts = divide(logs[: len(logs) - tested], logs[len(logs) - tested :], model)
     tell("fitting the base model")
     refined, simulations = refit(parts, model, steps=30)
     weighed = weigh(parts, simulations)

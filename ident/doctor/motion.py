@@ -8,6 +8,8 @@ from ident.doctor.record import Record
 
 SHORTEST, SHORT = 2.0, 10.0  # s: refused below the first, told below the second
 FEWEST = 20  # samples: of fewer nothing can be said, whoever accepts them
+# Whether logs hold enough together is asked over all of them.
+MORE = "give it together with others of this robot, or record longer"
 REST = 0.01  # m/s at the wheel: slower is rest
 AXES = ("forward", "sideways", "yaw")
 
@@ -35,9 +37,7 @@ def check_length(record: Record) -> None:
         what, few = f"the log lasts {duration:.3g} s", len(record.time) < FEWEST
         record.refuse("short", what, "file", f"record {SHORT:.0f} s or more", final=few)
     elif duration < SHORT:
-        record.warn(
-            "short", f"the log lasts only {duration:.3g} s", "file", f"record {SHORT:.0f} s or more"
-        )
+        record.warn("short", f"the log lasts only {duration:.3g} s", "file", MORE)
 
 
 def check_motion(record: Record) -> None:

@@ -82,7 +82,7 @@ def _prediction(outcome: Outcome) -> Section:
     png = motion.free_run_figure(outcome.before_run, outcome.after_run, label)
     kind = "kept out of the fit" if outcome.untouched else "the one that was fitted"
     caption = (
-        f"Body velocities of {outcome.log.name}, {kind}, and the same simulated in free run"
+        f"Body velocities of {outcome.judged_on}, {kind}, and the same simulated in free run"
         f"{_shown(outcome.before_run.time, motion.SHOWN)}. A line that breaks starts anew at the "
         "measured velocity."
     )
@@ -202,7 +202,7 @@ def _forces(outcome: Outcome) -> Section:
 
 
 def _log(outcome: Outcome) -> Section:
-    logs = list(outcome.result.logs) + ([outcome.result.test] if outcome.result.test else [])
+    logs = [*outcome.result.logs, *outcome.result.tests]
     first = logs[0]
     png = motion.log_figure(first)
     caption = (

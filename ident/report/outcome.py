@@ -10,7 +10,7 @@ import numpy as np
 from ident.free_run import FreeRun, free_run
 from ident.identification import Identification
 from ident.log import Log
-from ident.quantities import Quantity
+from ident.quantities import Quantity, listed_names
 from youbot_env.model import Model
 from youbot_env.parameters import MEANING, UNITS
 
@@ -27,22 +27,32 @@ class Outcome:
     Attributes:
         result: the identification.
         before: the model it started from, without effects that were added.
-        log: what both are judged on.
+        logs: what both are judged on.
         before_run, after_run: free runs on that log.
     """
 
     result: Identification
     before: Model
-    log: Log
+    logs: tuple[Log, ...]
     before_run: FreeRun
     after_run: FreeRun
 
     @classmethod
     def of(cls, result: Identification, before: Model) -> Outcome:
-        """Judge on the test log, or on the first fitted one where there is none."""
-        log = result.test or result.logs[0]
-        before = replace(before, platform=log.platform)
-        return cls(result, before, log, free_run(log, before), result.test_run or result.fit_run)
+        """Judge on the test logs, or on the fitted ones where there are none."""
+        logs = result.tests or result.logs
+        before = replace(before, platform=logs[0].platform)
+        return cls(result, before, logs, free_run(logs, before), result.test_run or result.fit_run)
+
+    @property
+    def log(self) -> Log:
+        """The (first) log that both are judged on."""
+        return self.logs[0]
+
+    @property
+    def judged_on(self) -> str:
+        """Names of the logs that both are judged on."""
+        return listed_names(self.logs)
 
     @property
     def label(self) -> str:
@@ -64,16 +74,18 @@ class Outcome:
         """What forbids the use of the identified model; empty when nothing does."""
         found = [d for d in self.result.doubts if d.startswith("impossible")]
         if not self.better:
-            found.append(f"on {self.log.name} it predicts worse than the model it started from")
+            found.append(f"on {self.judged_on} it predicts worse than the model it started from")
         return found
 
     @property
     def verdict(self) -> str:
         """How well the identified model predicts, in a sentence."""
         kind = "the untouched log" if self.untouched else "the log it was fitted to,"
+        if len(self.logs) > 1 or self.log.runs:
+            kind = "the untouched logs" if self.untouched else "the logs it was fitted to,"
         before, after = percent(self.before_run.nrmse), percent(self.after_run.nrmse)
         return (
-            f"Free-run error on {kind} {self.log.name}: {self.label} {before}, identified {after}."
+            f"Free-run error on {kind} {self.judged_on}: {self.label} {before}, identified {after}."
         )
 
     def as_dict(self) -> dict:
@@ -88,7 +100,7 @@ class Outcome:
         }
         return {
             "verdict": self.verdict,
-            "judged_on": {"log": self.log.name, "untouched": self.untouched, **free_runs},
+            "judged_on": {"log": self.judged_on, "untouched": self.untouched, **free_runs},
             "problems": self.problems,
         }
 

@@ -1,0 +1,27 @@
+"""What drags on the floor wherever the robot goes: a skirt, a caster, soft rollers."""
+
+from youbot_env.effects.base import Effect, Parameter
+from youbot_env.effects.wheel_coulomb_friction import WIDTH
+
+# Keeps the speed differentiable at rest, (m/s)^2; far below the speeds over which the sign turns.
+TINY = 1e-12
+
+
+class BodyDryFriction(Effect):
+    """Force of constant size against the direction of translation."""
+
+    identifier = "body_dry_friction"
+    title = "Dry friction of the body"
+    equation = r"F = -F_b\,V / \lVert V\rVert"
+    link = "body"
+    parameters = (Parameter("fb", "N", "force against translation", 10.0, (0.0, 500.0)),)
+    regime = "translation in any direction; turns round where the robot reverses"
+    confusables = ("wheel_coulomb_friction", "roller_coulomb_friction", "rolling_resistance")
+    experiments = ("straight runs at many headings", "plateaus at several speeds")
+
+    def body(self, p, s, ops):
+        """See the class; the smooth sign is that of the wheels of a robot that drives straight."""
+        vx, vy, _ = s.v
+        speed = ops.sqrt(vx * vx + vy * vy + TINY)
+        factor = -p.fb * ops.tanh(speed / (s.platform.wheel_radius * WIDTH)) / speed
+        return factor * vx, factor * vy, 0.0
