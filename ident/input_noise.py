@@ -86,6 +86,8 @@ def _loops(log: Log) -> tuple[np.ndarray, np.ndarray]:
 
 def _answer(torque: np.ndarray, speeds: np.ndarray) -> tuple[np.ndarray, float]:
     usual = np.all([np.abs(x) <= STEP * spread(x) for x in (torque, *speeds.T)], axis=0)
+    if not np.all(spread(speeds)):  # speeds without noise, or in steps coarser than it
+        return np.zeros(2), float(spread(torque) / np.sqrt(AMPLIFIED))
     if np.count_nonzero(usual) < 2 * speeds.shape[1]:
         return np.zeros(2), 0.0
     gain = np.linalg.lstsq(speeds[usual], torque[usual])[0]

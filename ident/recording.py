@@ -64,8 +64,9 @@ LEAST_SPREAD = 0.01
 VAGUE = 8e-3
 # Free-run errors remember each other for about this time, s.
 MEMORY = 0.3
-# Steps that lower the squares by less than this share do not move a lead; nor a robot by much.
-ENOUGH_LESS, ROUGHLY = 1e-4, 1e-3
+# A step of a robot that lowers the squares by less than this share leaves it where it is, before
+# its clock is looked for.
+ROUGHLY = 1e-3
 # Effects that are fitted beside a lead so that it need not stand for them; those with a value for
 # each wheel even where one would do.
 NUISANCES = (
@@ -268,13 +269,14 @@ def _find_clocks(logs: list[Log], model: Model, signed: bool) -> list[Recording]
         # a slow motion leads to clocks of 50 ms, where it is as well explained and wrong.
         usual = [_usual_clock(log, rich, raw) for log, raw in zip(sparse, logs, strict=True)]
         first = refine(usual, rich, tolerance=ROUGHLY, smooth=True, intervals=False)
-        fit = refine(sparse, first.model, tolerance=ENOUGH_LESS, smooth=True, draws=0)
+        fit = refine(sparse, first.model, smooth=True, draws=1)
     except ValueError:  # no window is contiguous: the recording stays what it usually is
         return [_recording(log, lead_of(SAMPLED, log.dt), 0.0, signed) for log in logs]
     found = []
     for number, log in enumerate(logs):
         ahead, error = lead(fit, number)
-        found.append((ahead, float(np.hypot(error, _pull_of_loops(fit, number, log)))))
+        pull = _pull_of_loops(fit, number, log)
+        found.append((ahead - pull, float(np.hypot(error, pull))))
     return [_recording(log, *one, signed) for log, one in zip(logs, found, strict=True)]
 
 
@@ -291,8 +293,8 @@ def _pull_of_loops(fit: OutputError, number: int, log: Log) -> float:
     """How far the noise that wheel loops answer to may pull a lead, s.
 
     As much noise once more, in speeds and in torques as the loops answer to it, pulls as far again:
-    back where rows show instants, hardly or forward where they are held and the robot felt it.
-    Which they do is not known by then.
+    back where rows show instants, hardly where they are held and the robot felt it.  Which they do
+    is not known by then, so all of what is taken back stays in the error.
     """
     model = fit.models[number]
     if SHIFT in stated(model, log):
@@ -303,7 +305,7 @@ def _pull_of_loops(fit: OutputError, number: int, log: Log) -> float:
         ScaledFit.at([sparsely(one)], [model], None, smooth=True).step(free, 0.0)[0][at]
         for one in (exciting(log), *noisier_speeds(exciting(log)))
     ]
-    return abs(float(np.mean(steps[1:]) - steps[0]))
+    return float(np.mean(steps[1:]) - steps[0])
 
 
 def with_free_clocks(
