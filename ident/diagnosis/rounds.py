@@ -152,7 +152,7 @@ class Round:
         """(W,) number of what is independent, windows or whole runs, that each belongs to."""
         numbers, count = [], 0
         for part in self.parts:
-            numbers.append(count + independent(part.run))
+            numbers.append(count + independent(part.log, part.begin))
             count = int(numbers[-1][-1]) + 1
         return np.concatenate(numbers)
 

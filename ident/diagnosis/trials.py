@@ -116,6 +116,8 @@ def effect_unreadable(effect: Effect) -> Callable[[Log], str]:
             return "only a measured pose shows it"
         if effect.channel and getattr(log, effect.channel) is None:
             return f"the log has no {effect.channel.replace('_', ' ')}"
+        if log.window is not None and effect.lessens_drive():
+            return "without acceleration a weaker drive explains any friction away"
         if effect.needs_time and log.runs:
             return "what came between the runs is not known"
         return behind_gap(effect, log)

@@ -10,6 +10,7 @@ from ident.comparison import Regime, compare
 from ident.diagnosis.dependence import dependences
 from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
 from ident.diagnosis.fitness import unfit
+from ident.diagnosis.judge import inertia_is_seen, judged_by_force
 from ident.diagnosis.parts import divide, weigh
 from ident.diagnosis.power import Reach, reach
 from ident.diagnosis.records import freed, ready, recordings, told, with_unknown_hold
@@ -140,8 +141,10 @@ def diagnose(
     weak = unfit(logs)
     if weak:
         return Diagnosis(name, "cannot_say", weak, (), model, model, experiment=CALIBRATION)
-    tell("finding out how the logs were recorded")
     model = without_instruments(model)
+    if not inertia_is_seen(logs, model):
+        logs, tests = ([judged_by_force(log) for log in some] for some in (logs, tests))
+    tell("finding out how the logs were recorded")
     records = recordings(logs, tests, model)
     found, refined = _searched(records, model, len(tests), seed, tell)
     if found.steps and found.first.wheels_agree and not all(one.known for one in records):
@@ -218,7 +221,7 @@ def _judge(
 ) -> tuple[str, str]:
     """Return verdict and reason."""
     real = [step for step in steps if not (step.background or step.recording)]
-    fall = f"free-run error {100 * errors.before:.3g} % to {100 * errors.after:.3g} %"
+    fall = f"{errors.what} {100 * errors.before:.3g} % to {100 * errors.after:.3g} %"
     signals = ", ".join(signal for signal, _ in last.dependences()) or "no signal that was tried"
     names = ", ".join(step.best.identifier for step in real)
     left = max(last.excess / max(first.excess, 1e-300), errors.left)
@@ -229,7 +232,7 @@ def _judge(
     told = bool(last.dependences())
     if not real and not rolling and last.excess > UNEXPLAINED * last.floor:
         far = (
-            f"the free-run error, {100 * errors.after:.3g} %, is far above the "
+            f"the {errors.what}, {100 * errors.after:.3g} %, is far above the "
             f"{100 * errors.floor:.3g} % of white noise, and no effect lowers it"
         )
         if told:
