@@ -91,8 +91,10 @@ class Round:
     @cached_property
     def shortlist(self) -> Shortlist:
         """The trials, judged."""
+        # What rollers leave within a turn is gone from the means that forces are judged by.
+        agree = self.wheels_agree or self.parts[0].log.window is not None
         return Shortlist(self.evidence, self.gains, self.p, self.error, self.floor, self.origin,
-                         self.wheels_agree)  # fmt: skip
+                         agree)  # fmt: skip
 
     @property
     def logs(self) -> list[Log]:

@@ -20,6 +20,8 @@ from youbot_env.model import Model
 DRAWS = 2000
 # Squared error beyond that of noise, in units of the latter, that noise is no excuse for.
 CLEAR = 0.3
+# An error of this share is that of a model that says nothing: the mean of the motion, or no force.
+WHOLE = 1.0
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,11 @@ class FreeRunErrors:
     def after(self) -> float:
         """Error of the final model."""
         return self.nrmse[-1]
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the final model leaves less than all of the motion, or of the drive's force."""
+        return bool(np.isfinite(self.nrmse).all() and self.after < WHOLE)
 
     @property
     def drops(self) -> dict[str, float]:

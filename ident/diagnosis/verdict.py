@@ -227,6 +227,11 @@ def _judge(
     left = max(last.excess / max(first.excess, 1e-300), errors.left)
     clear = last.excess > last.floor or errors.clear
     rolling = not first.wheels_agree
+    if not errors.bounded:
+        return "cannot_say", (
+            f"the simulation explains nothing of these logs ({fall}): what they hold does not "
+            "determine the model; record a motion on all axes with starts, stops and reversals"
+        )
     if outside:
         return "outside_library", f"the error depends on {signals}, as no effect explains"
     told = bool(last.dependences())
