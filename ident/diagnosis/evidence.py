@@ -116,9 +116,9 @@ class Evidence:
             if part.windows(FIT).any():
                 fitted = part.windows(FIT)
                 found_rows = stretches(rows[fitted], sim)
-                number, each = independent(part.log, part.begin[fitted]), len(found_rows)
-                together = np.repeat(number, each // len(number))
-                if number[-1] + 1 == len(number):  # windows hold several independent stretches
+                group, each = independent(part.log, part.begin[fitted]), len(found_rows)
+                together = np.repeat(group, each // len(group))
+                if group[-1] + 1 == len(group):  # windows hold several independent stretches
                     together = np.arange(each)
                 tested.append((found_rows, together))
             role.append(part.role)

@@ -23,6 +23,7 @@ from ident.diagnosis.trials import behind_gap
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
+from ident.observability import FAINT
 from ident.output_error import OutputError
 from ident.pooling import as_list, pooled
 from ident.recording import Instrument, Recording
@@ -231,6 +232,13 @@ def _judge(
         return "cannot_say", (
             f"the simulation explains nothing of these logs ({fall}): what they hold does not "
             "determine the model; record a motion on all axes with starts, stops and reversals"
+        )
+    if errors.by_force and (not real or errors.before < FAINT):
+        return "cannot_say", (
+            f"these logs hold no acceleration, and viscous friction leaves {100 * errors.before:.2g} "
+            "% of the drive's force, in which no effect shows: whatever resists at the speeds driven "
+            "looks like it; record several speeds and directions, better `record.py --motion "
+            "calibration`"
         )
     if outside:
         return "outside_library", f"the error depends on {signals}, as no effect explains"
