@@ -34,6 +34,8 @@ LEAD = 0.1
 MOST_SUBSTEPS = 40
 # A rest at the end of a piece that is longer than this, s, gets a window of its own.
 REST = 0.5
+# Distance of windows far shorter than that, s.
+SPACED = 0.5
 # Shorter runs, s, hold no window.
 LEAST_WINDOW = 2.0
 
@@ -110,7 +112,8 @@ def cut_windows(
 ) -> Windows:
     """Cut a log into windows of ``window`` seconds, the last of a piece ending where it ends.
 
-    That one overlaps the one before it; pieces shorter than a window are left out.
+    That one overlaps the one before it; pieces shorter than a window are left out.  Windows of a
+    log that is judged in short ones stand apart: what lies between two of them is alike.
 
     Args:
         log: as recorded; the model's instruments are undone here.
@@ -136,8 +139,9 @@ def cut_windows(
         count = len(piece.time)
         past = np.stack([np.maximum(np.arange(count) - k, 0) for k in range(history)], axis=1)
         lead = max(0, min(round(LEAD / dt), count - 1 - length))
-        begins = list(range(lead, count - length, length))
-        if begins and count - 1 - length - begins[-1] > REST / dt:
+        apart = length if log.window is None else max(length, round(SPACED / dt))
+        begins = list(range(lead, count - length, apart))
+        if begins and log.window is None and count - 1 - length - begins[-1] > REST / dt:
             begins.append(count - 1 - length)
         for begin in begins:
             rows = offset + begin + np.arange(length)

@@ -148,7 +148,7 @@ def _seen(parts: list[Part], model: Model) -> Seen:
 
     Directions that leave no trace, and pairs that leave the same one, keep their start values.
     """
-    directions, rows = free_directions(model), []
+    directions, rows = free_directions(model, parts[0].free(model)), []
     moving = np.any(directions != 0, axis=1)
     for part in parts:
         fitted = part.windows(FIT)
@@ -166,7 +166,9 @@ def _seen(parts: list[Part], model: Model) -> Seen:
     turned = directions @ (np.where(np.abs(right) < ROUNDING, 0.0, right) / length).T
     known = strength > BLIND * strength[0]
     names, start = model.names(), np.array(model.values())
-    return Seen(names, start, np.ones(len(names)), turned[:, known], turned[:, ~known].T)
+    fixed = np.eye(len(names))[[name in parts[0].fixed for name in names]]
+    null = np.concatenate([turned[:, ~known].T, fixed])
+    return Seen(names, start, np.ones(len(names)), turned[:, known], null)
 
 
 def _shifts(

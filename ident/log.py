@@ -76,6 +76,8 @@ class Log:
         source: name of the file.
         runs: name of each record that the log was joined from, and the time at which it begins, s;
             empty where it is one record.
+        window: length of the windows in which simulations of it are judged, s; by its duration
+            where None.
     """
 
     name: str
@@ -97,6 +99,7 @@ class Log:
     digest: str = ""
     source: str = ""
     runs: tuple[tuple[str, float], ...] = ()
+    window: float | None = None
 
     def __post_init__(self) -> None:
         count, wheels = len(self.time), len(self.platform.wheels)

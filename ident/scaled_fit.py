@@ -24,6 +24,8 @@ WEAK = 1e-6
 LIMIT = 1e3
 # Draws of the drift of the wheel angles.
 DRIFTS = 8
+# Errors of windows that are far shorter than the robot remembers go together for this time, s.
+REMEMBERED = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,7 @@ class ScaledFit:
         for sim, kept, weight in zip(simulations, keep, weights, strict=True):
             error = smoothed(scaled_error(sim, weight), smooth)[kept]
             parts.append(error.ravel())
-            number = independent(sim.run[kept])
+            number = independent(sim.log, sim.begin[kept])
             groups.append(count + np.repeat(number, error[0].size))
             count += int(number[-1]) + 1
         scopes = Scopes.of(models[0], len(logs))
@@ -147,14 +149,19 @@ class ScaledFit:
         return np.stack(changes, axis=1)
 
 
-def independent(run: np.ndarray) -> np.ndarray:
+def independent(log: Log, begin: np.ndarray) -> np.ndarray:
     """(W,) number of the group of windows, independent of the others, that each belongs to.
 
     Args:
-        run: (W,) run that each lies in, ascending.
+        log: the record.
+        begin: (W,) time at which each begins, s, ascending.
     """
-    number = np.unique(run, return_inverse=True)[1]
-    return number if number[-1] + 1 >= MANY_RUNS else np.arange(len(run))
+    number = np.unique(log.run_of(begin), return_inverse=True)[1]
+    if number[-1] + 1 >= MANY_RUNS:
+        return number
+    if log.window is None:
+        return np.arange(len(begin))
+    return np.unique((begin - begin[0]) // REMEMBERED, return_inverse=True)[1]
 
 
 def smoothed(rows: np.ndarray, wanted: bool = True) -> np.ndarray:

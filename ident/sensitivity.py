@@ -46,6 +46,8 @@ COARSE = 2.0
 
 def window_length(log: Log) -> float:
     """Length of the windows of a log, s."""
+    if log.window is not None:
+        return max(log.window, log.dt)
     return fitting(log, float(np.clip(log.duration / WANTED, LEAST_WINDOW, LONGEST)))
 
 
@@ -95,9 +97,9 @@ class Linearised:
         return _output(self.raw)[self.windows.index] - self._shaped(self._present[1])
 
     @cached_property
-    def run(self) -> np.ndarray:
-        """(W,) number of the run that each window lies in."""
-        return self.log.run_of(self.log.time[self.windows.index[:, 0]])
+    def begin(self) -> np.ndarray:
+        """(W,) time at which each window begins, s."""
+        return self.log.time[self.windows.index[:, 0]]
 
     @property
     def measured(self) -> np.ndarray:

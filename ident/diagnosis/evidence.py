@@ -17,10 +17,11 @@ import numpy as np
 from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.parts import FIT, SELECT, Part
 from ident.diagnosis.reduced import Reduced
-from ident.diagnosis.rows import averaged, by_run, score, stretches
+from ident.diagnosis.rows import averaged, score, stretches, summed
 from ident.diagnosis.significance import wild_p_values
 from ident.diagnosis.trials import Trial
 from ident.free_values import free_directions, value_bounds
+from ident.scaled_fit import independent
 from ident.scopes import parameter_scope
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
@@ -87,7 +88,7 @@ class Evidence:
             generic: the dependences.
         """
         model, count = simulations[0].model, len(parts)
-        directions = free_directions(model)
+        directions = free_directions(model, parts[0].free(model))
         moving = np.any(directions != 0, axis=1)
         of_record = np.array([parameter_scope(model, name) == "record" for name in model.names()])
         own_columns = np.any(directions[of_record] != 0, axis=0)
@@ -113,9 +114,13 @@ class Evidence:
             flat = rows.reshape(len(rows), -1, rows.shape[-1])
             grams.append(flat.transpose(0, 2, 1) @ flat)
             if part.windows(FIT).any():
-                found_rows = stretches(rows[part.windows(FIT)], sim)
-                each = len(found_rows) // np.count_nonzero(part.windows(FIT))
-                tested.append((found_rows, np.repeat(part.run[part.windows(FIT)], each)))
+                fitted = part.windows(FIT)
+                found_rows = stretches(rows[fitted], sim)
+                group, each = independent(part.log, part.begin[fitted]), len(found_rows)
+                together = np.repeat(group, each // len(group))
+                if group[-1] + 1 == len(group):  # windows hold several independent stretches
+                    together = np.arange(each)
+                tested.append((found_rows, together))
             role.append(part.role)
             log.append(np.full(len(part.role), number))
         grams = np.concatenate(grams)
@@ -135,7 +140,7 @@ class Evidence:
         everything = grams[role == FIT].sum(axis=0)
         share = Reduced.of(everything, everything, base).share
         scores = np.concatenate(
-            [by_run(score(rows / by, share, base), run) for rows, run in tested]
+            [summed(score(rows / by, share, base), together) for rows, together in tested]
         )
         return cls(
             model,

@@ -6,7 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ident.diagnosis.judge import INERTIAL
 from ident.free_run import cut_windows
+from ident.free_values import smooth_names
 from ident.log import Log
 from ident.scaled_fit import independent, output_weights, settled
 from ident.sensitivity import Linearised, window_length
@@ -29,22 +31,33 @@ class Part:
     Attributes:
         log: the record.
         role: (W,) FIT, SELECT or VERIFY.
-        run: (W,) number of the run of the log that each window lies in.
+        begin: (W,) time at which each window begins, s.
         weights: (m,) of the outputs.
         ends: lowest and highest values, by flat name, of what may move of its recording.
+        fixed: values of the model that are not fitted, by flat name, alike for all logs.
     """
 
     log: Log
     role: np.ndarray
-    run: np.ndarray
+    begin: np.ndarray
     weights: np.ndarray
     ends: dict[str, tuple[float, float]] = field(default_factory=dict)
+    fixed: tuple[str, ...] = ()
+
+    def free(self, model: Model) -> tuple[str, ...]:
+        """Values of a model that are fitted."""
+        return tuple(name for name in smooth_names(model) if name not in self.fixed)
 
     @property
     def fitted(self) -> int:
         """How many independent windows, or whole runs, are fitted."""
-        run = self.run[self.role == FIT]
-        return int(independent(run)[-1]) + 1 if len(run) else 0
+        begin = self.begin[self.role == FIT]
+        return int(independent(self.log, begin)[-1]) + 1 if len(begin) else 0
+
+    @property
+    def run(self) -> np.ndarray:
+        """(W,) number of the run of the log that each window lies in."""
+        return self.log.run_of(self.begin)
 
     def windows(self, role: int) -> np.ndarray:
         """(W,) whether each window has a role."""
@@ -62,20 +75,28 @@ def divide(logs: list[Log], tests: list[Log], model: Model) -> list[Part]:
     """
     parts = []
     for log in logs:
-        index, run = _windows(log, model)
+        index = _rows(log, model)
+        run = log.run_of(log.time[index[:, 0]])
         role = np.full(len(run), FIT)
         if not tests:
             kept = run if run[-1] >= KEPT - 1 else np.arange(len(run))
             role[kept % KEPT == KEPT - 1] = VERIFY
-        parts.append(Part(log, _undivided(role, index), run, output_weights(log)))
+        parts.append(_part(log, role, index))
     for log in tests:
-        index, run = _windows(log, model)
-        role = np.full(len(run), VERIFY)
-        if len(run) >= FEWEST:
-            begins = log.time[index[:, 0]] < choosing_until(log)
-            role[begins if log.runs else np.arange(len(run)) < round(CHOOSING * len(run))] = SELECT
-        parts.append(Part(log, _undivided(role, index), run, output_weights(log)))
+        index = _rows(log, model)
+        count = len(index)
+        role = np.full(count, VERIFY)
+        if count >= FEWEST:
+            early = log.time[index[:, 0]] < choosing_until(log)
+            role[early if log.runs else np.arange(count) < round(CHOOSING * count)] = SELECT
+        parts.append(_part(log, role, index))
     return parts
+
+
+def _part(log: Log, role: np.ndarray, index: np.ndarray) -> Part:
+    fixed = () if log.window is None else INERTIAL
+    begin = log.time[index[:, 0]]
+    return Part(log, _undivided(role, index), begin, output_weights(log), fixed=fixed)
 
 
 def choosing_until(log: Log) -> float:
@@ -85,10 +106,9 @@ def choosing_until(log: Log) -> float:
     return log.time[0] + CHOOSING * log.duration
 
 
-def _windows(log: Log, model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (W, L) of the windows of a log, and the run (W,) that each lies in."""
-    index = cut_windows(log, model, window_length(log)).index
-    return index, log.run_of(log.time[index[:, 0]])
+def _rows(log: Log, model: Model) -> np.ndarray:
+    """(W, L) rows of the windows of a log."""
+    return cut_windows(log, model, window_length(log)).index
 
 
 def _undivided(role: np.ndarray, index: np.ndarray) -> np.ndarray:

@@ -110,6 +110,7 @@ def refit(
     refined = refine(
         logs,
         model,
+        fitted[0].free(model if isinstance(model, Model) else model[0]),
         iterations=steps,
         keep=keep,
         weights=weights,

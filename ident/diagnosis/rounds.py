@@ -91,8 +91,10 @@ class Round:
     @cached_property
     def shortlist(self) -> Shortlist:
         """The trials, judged."""
+        # What rollers leave within a turn is gone from the means that forces are judged by.
+        agree = self.wheels_agree or self.parts[0].log.window is not None
         return Shortlist(self.evidence, self.gains, self.p, self.error, self.floor, self.origin,
-                         self.wheels_agree)  # fmt: skip
+                         agree)  # fmt: skip
 
     @property
     def logs(self) -> list[Log]:
@@ -152,7 +154,7 @@ class Round:
         """(W,) number of what is independent, windows or whole runs, that each belongs to."""
         numbers, count = [], 0
         for part in self.parts:
-            numbers.append(count + independent(part.run))
+            numbers.append(count + independent(part.log, part.begin))
             count = int(numbers[-1][-1]) + 1
         return np.concatenate(numbers)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.pooling import MANY_RUNS
 from ident.scaled_fit import settled
 from ident.sensitivity import Linearised
 
@@ -33,11 +32,9 @@ def score(rows: np.ndarray, share: np.ndarray, base: int) -> np.ndarray:
     return np.einsum("srk,sr->sk", left[..., :-1], left[..., -1], optimize=True)
 
 
-def by_run(scores: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """Scores (stretches, k) summed over runs (stretches,), where these are many."""
-    if len(np.unique(run)) < MANY_RUNS:
-        return scores
-    first = np.flatnonzero(np.diff(run, prepend=-1))
+def summed(scores: np.ndarray, together: np.ndarray) -> np.ndarray:
+    """Scores (stretches, k) summed over what goes together, by ascending numbers (stretches,)."""
+    first = np.flatnonzero(np.diff(together, prepend=-1))
     return np.add.reduceat(scores, first, axis=0)
 
 

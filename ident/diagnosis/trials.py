@@ -11,7 +11,10 @@ from scipy.linalg import null_space
 from ident.diagnosis.orders import strongest_orders
 from ident.log import Log
 from ident.restored import unknown_pose, unknown_wheel_angle
-from youbot_env.effects import Effect, Parameter, effect_names, get_effect
+from ident.unseen import NEGLIGIBLE
+from youbot_env.backend import NUMPY
+from youbot_env.dynamics import Theta
+from youbot_env.effects import Effect, Parameter, Signals, effect_names, get_effect
 from youbot_env.model import ActiveEffect, Model
 from youbot_env.parameters import ImpossibleParameters
 
@@ -116,11 +119,37 @@ def effect_unreadable(effect: Effect) -> Callable[[Log], str]:
             return "only a measured pose shows it"
         if effect.channel and getattr(log, effect.channel) is None:
             return f"the log has no {effect.channel.replace('_', ' ')}"
+        if log.window is not None and effect.lessens_drive():
+            return "without acceleration a weaker drive explains any friction away"
         if effect.needs_time and log.runs:
             return "what came between the runs is not known"
-        return behind_gap(effect, log)
+        return not_moved(effect, log) or behind_gap(effect, log)
 
     return reason
+
+
+def not_moved(effect: Effect, log: Log) -> str:
+    """Tell which motion, that a force on the body answers to, a log hardly holds; empty if none.
+
+    A robot that drives straight turns by its noise only, of which a law makes anything.
+    """
+    if effect.link != "body" or not effect.acts("body") or effect.needs_pose or effect.needs_time:
+        return ""
+    platform = log.platform
+    level = np.mean((log.velocity() * (1.0, 1.0, platform.lever)) ** 2, axis=0)
+    p = effect.arrange(effect.complete(None, platform), platform)
+    theta = Theta(*(1.0,) * len(Theta._fields))
+    still = (0.0,) * len(platform.wheels)
+
+    def answers(v: tuple) -> bool:
+        s = Signals(platform, platform.geometry, theta, 0.0, v, (0.0,) * 3, still, still)
+        return bool(np.any(np.abs(effect.body(p, s, NUMPY)) > 0))
+
+    if level[2] < NEGLIGIBLE * level.sum() and not answers((0.3, 0.2, 0.0)):
+        return "the robot hardly turns; record a spin on the spot"
+    if level[:2].sum() < NEGLIGIBLE * level.sum() and not answers((0.0, 0.0, 0.5)):
+        return "the robot only turns; record straight runs"
+    return ""
 
 
 def behind_gap(effect: Effect, log: Log) -> str:

@@ -20,11 +20,15 @@ from youbot_env.model import Model
 DRAWS = 2000
 # Squared error beyond that of noise, in units of the latter, that noise is no excuse for.
 CLEAR = 0.3
+# An error of this share is that of a model that says nothing: the mean of the motion, or no force.
+WHOLE = 1.0
 
 
 @dataclass(frozen=True)
 class FreeRunErrors:
     """Errors of body velocities as shares of their rms, along the way of adding effects.
+
+    Of logs that are judged by force they are shares of the drive's force that are not explained.
 
     Attributes:
         names: of the effect that each model has more than the one before; empty for the base.
@@ -33,6 +37,7 @@ class FreeRunErrors:
         floor: what sensor noise alone leaves.
         drop_ci95: interval of the share by which the last is smaller than the first.
         windows: number of windows behind it.
+        by_force: whether forces at the measured motion are judged, not free runs.
     """
 
     names: tuple[str, ...]
@@ -41,6 +46,12 @@ class FreeRunErrors:
     floor: float
     drop_ci95: tuple[float, float]
     windows: int
+    by_force: bool = False
+
+    @property
+    def what(self) -> str:
+        """What the errors are of, in words."""
+        return "error of the forces at the measured motion" if self.by_force else "free-run error"
 
     @property
     def before(self) -> float:
@@ -51,6 +62,11 @@ class FreeRunErrors:
     def after(self) -> float:
         """Error of the final model."""
         return self.nrmse[-1]
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the final model leaves less than all of the motion, or of the drive's force."""
+        return bool(np.isfinite(self.nrmse).all() and self.after < WHOLE)
 
     @property
     def drops(self) -> dict[str, float]:
@@ -64,6 +80,8 @@ class FreeRunErrors:
 
         An axis that no model explains does not hide here what happens on the others.
         """
+        if self.by_force:
+            return np.array(self.nrmse) / self.nrmse[0]
         return np.sqrt(np.mean((self.axes / self.axes[0]) ** 2, axis=1))
 
     @property
@@ -100,7 +118,11 @@ def free_run_errors(
     """Simulate the untouched windows of all logs with every model of a chain."""
     parts = [part for part in fits.parts if part.windows(VERIFY).any()]
     squared = np.array([_squared(fits.parts, fits.models(model)) for _, model in chain])
-    spread = np.concatenate([p.log.velocity() for p in parts]).std(axis=0)
+    by_force = parts[0].log.window is not None
+    if by_force:
+        spread = _by_drive(parts, chain[0][1])
+    else:
+        spread = np.concatenate([p.log.velocity() for p in parts]).std(axis=0)
     spread = np.maximum(spread, 1e-9)
     by_window = np.mean(squared / spread**2, axis=2)
     drawn = np.random.default_rng(0).integers(0, by_window.shape[1], (DRAWS, by_window.shape[1]))
@@ -113,6 +135,7 @@ def free_run_errors(
         _floor(simulation, spread),
         (float(low), float(high)),
         by_window.shape[1],
+        by_force,
     )
 
 
@@ -135,6 +158,17 @@ def confirmed(
             break
         steps = [step for k, step in enumerate(steps) if k != idlest]
     return steps
+
+
+def _by_drive(parts: list[Part], model: Model) -> np.ndarray:
+    """(3,) velocities that the drive alone would give a robot in a window, m/s, m/s, rad/s.
+
+    Rms over the axes, so that errors in units of them are shares of the force of the drive.
+    """
+    lever, inertia = model.platform.lever, model.parameters
+    wrench = np.concatenate([p.log.command @ p.log.platform.jacobian_array for p in parts])
+    force = np.sqrt(np.mean(np.sum((wrench / (1.0, 1.0, lever)) ** 2, axis=1)) / 3)
+    return window_length(parts[0].log) * force / (inertia.m0, inertia.m0, inertia.I0 / lever)
 
 
 def _squared(parts: list[Part], models: tuple[Model, ...]) -> np.ndarray:

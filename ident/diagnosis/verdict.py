@@ -10,6 +10,7 @@ from ident.comparison import Regime, compare
 from ident.diagnosis.dependence import dependences
 from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
 from ident.diagnosis.fitness import unfit
+from ident.diagnosis.judge import inertia_is_seen, judged_by_force
 from ident.diagnosis.parts import divide, weigh
 from ident.diagnosis.power import Reach, reach
 from ident.diagnosis.records import freed, ready, recordings, told, with_unknown_hold
@@ -22,6 +23,7 @@ from ident.diagnosis.trials import behind_gap
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
+from ident.observability import FAINT
 from ident.output_error import OutputError
 from ident.pooling import as_list, pooled
 from ident.recording import Instrument, Recording
@@ -140,8 +142,10 @@ def diagnose(
     weak = unfit(logs)
     if weak:
         return Diagnosis(name, "cannot_say", weak, (), model, model, experiment=CALIBRATION)
-    tell("finding out how the logs were recorded")
     model = without_instruments(model)
+    if not inertia_is_seen(logs, model):
+        logs, tests = ([judged_by_force(log) for log in some] for some in (logs, tests))
+    tell("finding out how the logs were recorded")
     records = recordings(logs, tests, model)
     found, refined = _searched(records, model, len(tests), seed, tell)
     if found.steps and found.first.wheels_agree and not all(one.known for one in records):
@@ -218,18 +222,30 @@ def _judge(
 ) -> tuple[str, str]:
     """Return verdict and reason."""
     real = [step for step in steps if not (step.background or step.recording)]
-    fall = f"free-run error {100 * errors.before:.3g} % to {100 * errors.after:.3g} %"
+    fall = f"{errors.what} {100 * errors.before:.3g} % to {100 * errors.after:.3g} %"
     signals = ", ".join(signal for signal, _ in last.dependences()) or "no signal that was tried"
     names = ", ".join(step.best.identifier for step in real)
     left = max(last.excess / max(first.excess, 1e-300), errors.left)
     clear = last.excess > last.floor or errors.clear
     rolling = not first.wheels_agree
+    if not errors.bounded:
+        return "cannot_say", (
+            f"the simulation explains nothing of these logs ({fall}): what they hold does not "
+            "determine the model; record a motion on all axes with starts, stops and reversals"
+        )
+    if errors.by_force and (not real or errors.before < FAINT):
+        return "cannot_say", (
+            f"these logs hold no acceleration, and viscous friction leaves {100 * errors.before:.2g} "
+            "% of the drive's force, in which no effect shows: whatever resists at the speeds driven "
+            "looks like it; record several speeds and directions, better `record.py --motion "
+            "calibration`"
+        )
     if outside:
         return "outside_library", f"the error depends on {signals}, as no effect explains"
     told = bool(last.dependences())
     if not real and not rolling and last.excess > UNEXPLAINED * last.floor:
         far = (
-            f"the free-run error, {100 * errors.after:.3g} %, is far above the "
+            f"the {errors.what}, {100 * errors.after:.3g} %, is far above the "
             f"{100 * errors.floor:.3g} % of white noise, and no effect lowers it"
         )
         if told:

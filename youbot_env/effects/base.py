@@ -135,6 +135,7 @@ class Effect:
         candidate: whether diagnosis looks for it; hold and clock of the drive are found before.
         channel: what an effect of the link ``sensor`` changes, where a log may lack it.
         seen_by_wheels: whether wheel speeds alone show it; if not, only a measured pose does.
+        torque_loss: whether a law of another link than ``drive`` loses a share of its torque.
     """
 
     identifier: ClassVar[str]
@@ -155,6 +156,7 @@ class Effect:
     candidate: ClassVar[bool] = True
     channel: ClassVar[str] = ""
     seen_by_wheels: ClassVar[bool] = True
+    torque_loss: ClassVar[bool] = False
 
     # Hooks.  ``p`` holds the parameters by name; a per-wheel parameter is always a tuple of n.
 
@@ -223,6 +225,12 @@ class Effect:
     def scope(cls) -> str:
         """``record`` where every parameter belongs to one log, else ``robot``."""
         return "record" if all(p.scope == "record" for p in cls.parameters) else "robot"
+
+    @classmethod
+    def lessens_drive(cls) -> bool:
+        """Whether the effect may take away what the drive exerts, not add a force of its own."""
+        turned = cls.acts("kinematics") or cls.acts("slip")
+        return cls.link == "drive" or turned or cls.torque_loss
 
     @classmethod
     def acts(cls, hook: str) -> bool:

@@ -15,6 +15,7 @@ class LoadDependentFriction(Effect):
     regime = "large torques; the gain differs between driving and braking"
     confusables = ("wheel_coulomb_friction", "torque_gain", "torque_dead_zone")
     experiments = ("fast reversals", "payload")
+    torque_loss = True
     order = -10  # the gear comes first: it sees what the drive delivers
 
     def shaft(self, p, s, ops):
