@@ -13,6 +13,7 @@ import numpy as np
 
 from ident.doctor.evidence import explained
 from ident.doctor.record import Record
+from ident.doctor.standing import witnessed
 
 CHANNELS = ("wheel_velocity", "wheel_current", "wheel_torque", "wheel_duty", "wheel_voltage")
 FEWEST = 2  # jumps in a channel: there and back
@@ -21,7 +22,8 @@ SMOOTH = 0.25  # of the jumps, below which all other steps stay, before and afte
 VALUES = 5  # numbers seen beyond the jumps: fewer are a code for something else
 PRECISE = 2e-3  # of the jump, standard error to which it must be known to be taken out
 UNSIGNED = 0.01  # of the jump, by which values of an unsigned number may lie below zero
-FOLLOWS, MORE = 0.5, 0.2  # share of a drive input that motion explains without jumps; and gain
+FOLLOWS = 0.5  # share of the channel that another witness of the motion explains without jumps
+LEFT = 0.5  # of what contradicts the others with the jumps, what does so without them
 
 
 @dataclass(frozen=True)
@@ -112,18 +114,21 @@ def find_wrap(values: np.ndarray, breaks: np.ndarray) -> Wrap | None:
 
 
 def _moves(record: Record, channel: str, found: Wrap) -> bool:
-    """Whether the channel goes with the motion without the jumps, and less with them.
+    """Whether the channel fits another witness of the motion better without the jumps.
 
-    A drive that is switched jumps as well, between two steady values.  No wheel does.
+    A drive that is switched, or wheels that start between two rows, jump as well.
     """
-    if channel == "wheel_velocity":
-        return True
-    motion = record.get("wheel_velocity")
-    motion = record.get("body_velocity") if motion is None else motion
-    if motion is None:
-        return True
-    regressors = np.hstack([motion, np.gradient(motion, record.time, axis=0)])
-    now, then = (
-        float(np.median(explained(v, regressors))) for v in (record.channels[channel], found.values)
-    )
-    return then > max(FOLLOWS, now + MORE)
+    values = record.channels[channel]
+    motions = witnessed(record)
+    if channel != "wheel_velocity" and "wheel_velocity" in record.channels:
+        motions.append(record.channels["wheel_velocity"])
+    for motion in motions:
+        regressors = np.hstack([motion, np.gradient(motion, record.time, axis=0)])
+        now, then = (float(np.median(explained(v, regressors))) for v in (values, found.values))
+        if then > FOLLOWS and 1 - then < LEFT * (1 - now):
+            return True
+    if channel != "wheel_velocity":
+        return False
+    left = np.linalg.svd(record.platform.jacobian_array)[0][:, 3:]
+    now, then = (float(np.sum((v @ left) ** 2)) for v in (values, found.values))
+    return then < LEFT * now

@@ -21,7 +21,7 @@ class Standing:
     def __init__(self, record: Record):
         self.speed = record.get("wheel_velocity")
         self.J = record.platform.jacobian_array
-        self.witnesses = [motion @ self.J.T for motion in _motions(record)]
+        self.witnesses = [motion @ self.J.T for motion in witnessed(record)]
         self.left = np.linalg.svd(self.J)[0][:, 3:]
 
     def excused(self, channel: str, column: int, begin: int, end: int, value: float) -> bool:
@@ -45,7 +45,7 @@ class Standing:
         return -self.speed @ left / own
 
 
-def _motions(record: Record) -> list[np.ndarray]:
+def witnessed(record: Record) -> list[np.ndarray]:
     """(N, 3) body velocities by command, sensor and pose; units do not matter."""
     found = [record.channels[c] for c in ("reference", "body_velocity") if c in record.channels]
     pose = record.get("pose")
