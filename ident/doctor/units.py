@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ident.doctor.evidence import hear
+from ident.doctor.lever import WIDEST
 from ident.doctor.record import Record
 from ident.doctor.smoothing import BODY_SOURCES, smooth
 from youbot_env.channels import SINGLE_COLUMNS
@@ -214,8 +215,8 @@ def _compare(record: Record, source: str, axes: np.ndarray, witness: str) -> Non
     """Tell about a body motion whose size contradicts the wheels."""
     near = NEAR[source]
     wrong = [k for k in range(3) if not (np.isnan(axes[k]) or 1 / near < axes[k] < near)]
-    if not wrong:
-        return
+    if not wrong or (wrong == [2] and source != "reference" and 1 / WIDEST < axes[2] < WIDEST):
+        return  # the latter is what a wrong lever does, which is looked at by itself
     far = max(max(axes[k], 1 / axes[k]) for k in wrong) > FAR
     what = (
         f"{source} is {', '.join(f'{axes[k]:.3g}' for k in wrong)} times as large as {witness} say"
