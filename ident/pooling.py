@@ -115,6 +115,7 @@ def joined(logs: Sequence[Log]) -> Log:
         runs=tuple(runs),
         name=f"{first.name} and {len(logs) - 1} more",
         findings=findings,
+        accepted=tuple(dict.fromkeys(name for log in logs for name in log.accepted)),
         digest=digest,
         source=f"{first.source} and {len(logs) - 1} more",
     )

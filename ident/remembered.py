@@ -31,7 +31,8 @@ def remember(log: Log, made: str, accept: Iterable[str] = ()) -> dict[str, str]:
         accept: names of findings that the log is used in spite of.
     """
     found = [
-        [f.severity, f.what, f"{log.source}, {f.where}", f.remedy, f.name] for f in log.findings
+        [f.severity, f.what, f"{log.source}, {f.where}", f.remedy, f.name, f.geometry]
+        for f in log.findings
     ]
     entries = {
         "made": made,
@@ -58,7 +59,10 @@ def recall(table: Table, entries: Iterable[tuple[str, str]] | Mapping[str, str])
             elif name == "platform":
                 table.platform = platform_from_dict(json.loads(text) if "{" in text else text)
             elif name == "findings":
-                table.recalled += [Finding(*map(str, one)) for one in json.loads(text)]
+                table.recalled += [
+                    Finding(*map(str, one[:5]), geometry=len(one) > 5 and one[5] is True)
+                    for one in json.loads(text)
+                ]
         except (ValueError, TypeError) as error:
             raise ValueError(f"{name}: {text[:80]!r} cannot be read ({error})") from error
 

@@ -11,6 +11,7 @@ from given_logs import LogOptions, reads_logs
 
 from ident.log import Log
 from ident.remembered import remember
+from ident.report.findings import finding_lines, findings_json
 from youbot_env.model_file import load_model
 
 ENDINGS = (".csv", ".parquet")
@@ -56,14 +57,14 @@ def write(log: Log, file: Path, options: LogOptions) -> dict:
     made = f"from {log.source}, SHA-256 {log.digest}, by {console.command_line()}"
     log.save(file, remember(log, made, options.accept or ()))
     console.out.print(f"{console.shown(file)}: {log}", soft_wrap=True)
-    console.section("Log doctor", [str(finding) for finding in log.findings])
+    console.section("Log doctor", finding_lines([log]))
     return {
         "log": log.source,
         "file": console.shown(file),
         "samples": len(log.time),
         "duration": log.duration,
         "platform": log.platform.name,
-        "findings": [str(finding) for finding in log.findings],
+        "findings": findings_json([log]),
     }
 
 

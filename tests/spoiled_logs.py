@@ -17,6 +17,7 @@ from youbot_env.platform import youbot
 CORNERS = ("fl", "fr", "rl", "rr")
 V = [f"wheel_velocity_{corner}" for corner in CORNERS]
 M = [f"wheel_torque_{corner}" for corner in CORNERS]
+C = [f"wheel_current_{corner}" for corner in CORNERS]
 R = ["reference_vx", "reference_vy", "reference_yaw_rate"]
 P = ["x", "y", "yaw"]
 RPM, DEG = 30 / np.pi, 180 / np.pi

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.doctor.evidence import explained
+from ident.doctor.evidence import centre, explained
 from ident.doctor.record import Record
 from ident.doctor.smoothing import BODY_SOURCES, Smooth, smooth
 
@@ -80,11 +80,11 @@ def _clocks(record: Record, signals: Smooth) -> None:
 def _lag(values: np.ndarray, others: np.ndarray, step: float) -> tuple[float, float, float]:
     """Find by how much ``values`` come late: (lag in s, share explained now, and then)."""
     lags = sorted({0, *(sign * round(lag / step) for lag in LAGS for sign in (-1, 1))}, key=abs)
-    shares = {}
+    shares, about = {}, centre(others)
     for lag in lags:
         a, b = max(lag, 0), len(values) + min(lag, 0)
         if b - a > LONG * abs(lag):
-            shares[lag] = float(np.median(explained(values[a:b], others[a - lag : b - lag])))
+            shares[lag] = float(np.median(explained(values[a:b], others[a - lag : b - lag], about)))
     best = max(shares, key=shares.get)
     return best * step, shares[0], shares[best]
 

@@ -21,6 +21,7 @@ LONGEST = 1.0  # s: a longer stretch at one number is a sensor that stands still
 BRIDGED = 0.11  # s between the good rows on either side that may be interpolated
 FEWEST = 3  # jumps to a number and back that show that it is no measurement
 FAR = 3.0  # times the largest of ordinary steps (99 % are smaller) that both jumps exceed
+TOGETHER = 0.5  # of the wheels that jump, where all show 0 in the same row
 SHARED = 0.5  # of the failed reads of others, from which a column fails with them
 MOST_VALUES = 20  # numbers that stand in a column most often: only these are looked at
 
@@ -63,7 +64,24 @@ def _together(values: np.ndarray, pieces: np.ndarray, dt: float):
             own = found.get((value, column), np.zeros(len(shared), bool))
             if (value, column) in found or shared.mean() > SHARED * union.mean():
                 found[value, column] = own | shared
+    if not any(value == 0 for value, _ in found):
+        failed = _all_zero(values, pieces, dt)
+        found |= {(0.0, column): failed for column in range(values.shape[1]) if failed.any()}
     return [(value, column, failed) for (value, column), failed in _by_column(found)]
+
+
+def _all_zero(values: np.ndarray, pieces: np.ndarray, dt: float) -> np.ndarray:
+    """(N,) rows in which all wheels jump to exactly 0 together, and back: once is enough."""
+    failed = np.zeros(len(values), bool)
+    steps = np.abs(np.diff(values, axis=0))
+    ordinary = FAR * np.percentile(steps, 99, axis=0)
+    longest = max(1, round(LONGEST / dt))
+    for begin, end in runs(np.all(values == 0, axis=1)):
+        heights = [_jump(own, pieces, begin, end) for own in values.T]
+        jumped = np.sum(heights > np.maximum(ordinary, 0))
+        if end - begin <= longest and ordinary.all() and jumped >= TOGETHER * values.shape[1]:
+            failed[begin:end] = True
+    return failed
 
 
 def _by_column(found: dict) -> list:

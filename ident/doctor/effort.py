@@ -18,6 +18,10 @@ NARROWEST, WIDEST = 0.2, 2.0  # radius of gyration, in distances of the wheels f
 # heavy is refused.  The band is 15 times wide: it shows that a unit is wrong, never which is right.
 LIGHTER, HEAVIER = 2.0, 3.0
 DOUBTED = 3.0  # times the data sheet's, or less than that part of it
+# Masses and inertia that differ from the data sheet's by one and the same factor.  On 70 logs of 30
+# robots, loaded and on slippery floors, they never do by more than 1.5.
+COMMON, ALIKE = 1.8, 1.3
+YAW = 2
 CERTAIN = 10.0  # estimate over its standard error
 BRAKING = -0.5  # mean power of a wheel over the product of the rms of torque and speed
 BUSY = 0.1  # rms of a wheel over that of the busiest, below which it says nothing
@@ -36,8 +40,8 @@ def check_effort(record: Record) -> None:
                  for n in (LIGHTEST, HEAVIEST))  # fmt: skip
     near, far = (n * record.platform.reach for n in (NARROWEST, WIDEST))
     limits = {"kg": (low, high), "kg m^2": (low * near**2, high * far**2)}
-    sheet = _data_sheet(record)
-    for axis, (found, unit) in _inertias(record).items():
+    sheet, inertias = _data_sheet(record), _inertias(record)
+    for axis, (found, unit) in inertias.items():
         lowest, highest = limits[unit]
         if not lowest < found < highest:
             _impossible(record, found, unit, lowest, highest)
@@ -52,6 +56,18 @@ def check_effort(record: Record) -> None:
                 "check the unit of torques, kt and gear, and what the robot carries",
             )
             return
+    ratios = np.array([found / sheet[axis] for axis, (found, _) in inertias.items() if sheet])
+    if YAW not in inertias or len(ratios) < 2 or ratios.max() > ALIKE * ratios.min():
+        return
+    mean = float(np.exp(np.mean(np.log(ratios))))
+    if not 1 / COMMON < mean < COMMON:
+        record.warn(
+            "mass",
+            f"masses and inertia that these torques would move are alike {mean:.2f} times those of "
+            "the data sheet",
+            record.name("wheel_torque"),
+            "that is what a wrong unit, kt or gear does; a load would not change both alike",
+        )
 
 
 def _data_sheet(record: Record) -> list[float]:

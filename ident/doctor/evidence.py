@@ -16,10 +16,12 @@ HEARD = 0.01  # share of a signal that an axis alone must explain to be heard
 COLLINEAR = 4.0  # variance inflation beyond which axes move together
 MISSED = 0.03  # share that unheard axes may explain together, before nothing is said of any axis
 SAME = 0.3  # of a fingerprint, by which it may change when the unheard axes are fitted as well
+STEADY = 4.0  # squared mean of a motion over its variance, from which on it is steady
 WEAK = 0.5  # of what the strongest axis contributes, below which an axis counts for less
 # Fingerprints are fitted again without each of the parts of the log, which are dealt out in
 # stretches of so many s.  A column contradicts a wheel beyond so many standard errors.
 PARTS, STRETCH, CERTAIN = 10, 0.5, 3.0
+IDLE = 0.05  # rms of a column over that of the busiest, below which it says nothing
 REPEATED = 0.5  # of the cosine between fingerprints of two axes, from that of the wheel table
 FEWEST = 4  # parts: from fewer no scatter is known
 RIDGE = 1e-3  # keeps speed and acceleration apart where one follows the other
@@ -76,16 +78,20 @@ class Evidence:
             own = _driven(self.rows, expected, self.weights)
             expected, weights = expected[:, own], self.weights[own]
             cosines = _cosines(self.rows[:, own], expected, weights)
+            size = np.sqrt(np.mean(self.signal**2, axis=0))
+            cosines[size < IDLE * size.max()] = np.nan
             fewer = [_cosines(rows[:, own], expected, weights) for rows in self.without]
             return Likeness(cosines, _jackknife(fewer, cosines))
         if driven:  # how far each axis is braked is unknown, so is what the wheel should do
             return None
         expected = self.motion @ jacobian.T
-        size = np.std(expected, axis=0)
         count = len(jacobian)
         with np.errstate(invalid="ignore", divide="ignore"):
-            table = np.corrcoef(self.signal.T, expected.T)[:count, count:]
+            table = _covariance(self.signal, expected, about=centre(self.motion))
+            own, size = np.split(np.sqrt(np.diag(table)), 2)
+            table = (table / np.sqrt(np.outer(np.diag(table), np.diag(table))))[:count, count:]
         table[:, size < 0.2 * size.max()] = np.nan
+        table[own < 0.2 * own.max()] = np.nan
         return Likeness(table, np.zeros_like(table))
 
     def gains(self, jacobian: np.ndarray) -> np.ndarray:
@@ -118,7 +124,8 @@ def hear(
         step: s between samples, to know how far a fingerprint is certain.
     """
     regressors = motion if rates is None else np.hstack([motion, rates])
-    covariance = _covariance(regressors, signal)
+    about = centre(motion)
+    covariance = _covariance(regressors, signal, about=about)
     width = regressors.shape[1]
     without: tuple[np.ndarray, ...] = ()
 
@@ -152,7 +159,7 @@ def hear(
             size = np.sqrt(np.diag(covariance)[chosen]) if rates is None else 1.0
             weights = np.minimum(1.0, typical * size / (WEAK * (typical * size).max()))
             without = tuple(
-                fingerprint(chosen, _covariance(regressors[kept], signal[kept]))
+                fingerprint(chosen, _covariance(regressors[kept], signal[kept], about=about))
                 for kept in _parts(len(signal), step)
             )
     # A wheel at rest is all noise, one in another unit all variance: the kinder of two averages.
@@ -176,15 +183,34 @@ def _jackknife(fewer: list[np.ndarray], whole: np.ndarray) -> np.ndarray:
     return np.sqrt((len(fewer) - 1) / len(fewer) * scatter)
 
 
-def explained(signal: np.ndarray, regressors: np.ndarray) -> np.ndarray:
-    """(n,) fraction of the variance of each column that the regressors explain."""
+def explained(signal: np.ndarray, regressors: np.ndarray, about: float | None = None) -> np.ndarray:
+    """(n,) fraction of the variance of each column that the regressors explain.
+
+    Args:
+        signal: (K, n); regressors: (K, r).
+        about: part of the means that is taken out; none of a steady motion, else all, if left.
+    """
     width = regressors.shape[1]
-    return _fit(_covariance(regressors, signal), list(range(width)), width)[1]
+    about = centre(regressors) if about is None else about
+    covariance = _covariance(regressors, signal, about=about)
+    return _fit(covariance, list(range(width)), width)[1]
 
 
-def _covariance(*signals: np.ndarray) -> np.ndarray:
+def centre(motion: np.ndarray) -> float:
+    """1 where a motion varies, 0 where it is steady: what varies then is noise.
+
+    A loop answers noise of the speed with torque of the other sign, which is no braking.
+    """
+    mean, spread = np.mean(motion, axis=0), np.var(motion, axis=0)
+    size = mean**2 + spread + 1e-300
+    weight = size / size.max()
+    return 0.0 if np.sum(weight * mean**2 / size) > STEADY * np.sum(weight * spread / size) else 1.0
+
+
+def _covariance(*signals: np.ndarray, about: float) -> np.ndarray:
+    """Second moments of all columns, about so much of their means."""
     columns = np.hstack(signals)
-    columns = columns - columns.mean(axis=0)
+    columns = columns - about * columns.mean(axis=0)
     return columns.T @ columns / len(columns) + 1e-24 * np.eye(columns.shape[1])
 
 

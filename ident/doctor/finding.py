@@ -36,7 +36,6 @@ NAMES = {
     "witness": "nothing, or little, that confirms the wheels",
     "world_frame": "velocities in the axes of the world",
     "turned_frame": "a frame turned against the robot's",
-    "lever_arm": "a velocity sensor off the centre",
     "units": "units",
     "mass": "torques that would move an unusual mass",
     "braking": "torques against the speed all the time",

@@ -21,6 +21,7 @@ NOISY = 0.3  # share of steps that go back: 2/3 for white noise, 0 for a smooth 
 TRAVELLED = 0.05  # m or rad, by which the pose moves while wheels stand: no noise, no creeping
 JUMP = 5.0  # times the largest of ordinary steps (99 % are smaller)
 MOST = 0.5  # of a log that may be cut out
+SOME = 0.2  # of the rows that may be written again; more are a sensor slower than the log
 
 
 def check_frozen(record: Record) -> None:
@@ -36,6 +37,7 @@ def check_frozen(record: Record) -> None:
         same[channel][1:] = (values[1:] == values[:-1]) & ~record.breaks[1:, None]
         joined &= same[channel].all(axis=1)
     cut = _frozen(record, joined, present, together=True, fewest=FEWEST)
+    _repeated(record, joined & ~_beside(cut), present, same)
     told += _told(record, cut, "all wheel channels", record.name(present[0]))
     if len(present) > 1:
         for channel in present:
@@ -56,6 +58,37 @@ def check_frozen(record: Record) -> None:
     elif cut.any():
         record.findings += told
         record.drop(cut, split=True)
+
+
+def _repeated(
+    record: Record, joined: np.ndarray, present: list[str], same: dict[str, np.ndarray]
+) -> None:
+    """Replace single rows that repeat the row before in all noisy channels at once."""
+    noisy = [
+        _noisy(record.channels[c][:, k], joined) for c in present for k in range(same[c].shape[1])
+    ]
+    count = int(joined.sum())
+    if np.mean(noisy) < MOST or not 0 < count < SOME * len(joined):
+        return
+    stretches = [(b, e) for b, e in runs(joined) if e < len(joined) and not record.breaks[e]]
+    for begin, end in stretches:
+        around = [begin - 1, end]
+        for channel in present:
+            values = record.channels[channel]
+            for column in range(values.shape[1]):
+                values[begin:end, column] = np.interp(
+                    record.time[begin:end], record.time[around], values[around, column]
+                )
+    record.derived.clear()
+    if stretches:
+        record.fixed(
+            "frozen_rows",
+            f"{count} rows ({count / len(joined):.1%}) repeat the one before in all wheels: "
+            "written again without a new reading",
+            f"{record.name(present[0])}, {record.unit_of_place} {record.lines[stretches[0][0]]} "
+            "first",
+            "replaced by a line between their neighbours",
+        )
 
 
 def _beside(rows: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ import math
 from ident.doctor.heading import against_wheels
 from ident.doctor.odometry import Estimate
 from ident.doctor.record import Record
+from ident.doctor.scales import ALONE
 from ident.doctor.smoothing import BODY_SOURCES
 
 # Relative distance from the table that is told: turning on real rollers is 4 % short.
@@ -28,7 +29,9 @@ def check_lever(record: Record) -> None:
         seen = against_wheels(record, source) if source != "reference" else None
         if seen is None or not seen.yaw.known:
             continue
-        forward = seen.forward if seen.forward.known else Estimate(1.0, 0.0)
+        forward = seen.forward
+        if not forward.known or forward.se > PRECISE * abs(forward.value):
+            forward = Estimate(1.0, 0.0)  # the wheel radius of the table
         ratio = forward.value / seen.yaw.value
         spread = abs(ratio) * math.hypot(seen.yaw.se / seen.yaw.value, forward.se / forward.value)
         if not WIDEST > ratio > 1 / WIDEST or spread > PRECISE * ratio:
@@ -43,5 +46,6 @@ def check_lever(record: Record) -> None:
                 f"compare with the drawing: where it agrees give --lever {lever:.3g}; slip in "
                 "turning looks like a longer lever, and a pose computed from the wheels shows the "
                 "lever that it was computed with",
+                geometry=abs(ratio - 1) > ALONE,
             )
         return

@@ -7,21 +7,23 @@ runs on smoothly once that number is added.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ident.doctor.evidence import explained
 from ident.doctor.record import Record
+from ident.doctor.standing import witnessed
 
 CHANNELS = ("wheel_velocity", "wheel_current", "wheel_torque", "wheel_duty", "wheel_voltage")
 FEWEST = 2  # jumps in a channel: there and back
-JUMP = 0.7  # of the range of the channel, that each jump spans
-SMOOTH = 0.25  # of the jumps, below which all other steps stay, before and after they are taken out
+JUMP = 0.6  # of the range of the channel, that each jump spans
+SMOOTH = 0.5  # of the jumps, below which all other steps stay, before and after they are taken out
 VALUES = 5  # numbers seen beyond the jumps: fewer are a code for something else
 PRECISE = 2e-3  # of the jump, standard error to which it must be known to be taken out
 UNSIGNED = 0.01  # of the jump, by which values of an unsigned number may lie below zero
-FOLLOWS, MORE = 0.5, 0.2  # share of a drive input that motion explains without jumps; and gain
+FOLLOWS = 0.5  # share of the channel that another witness of the motion explains without jumps
+LEFT = 0.5  # of what contradicts the others with the jumps, what does so without them
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,8 @@ def check_overflow(record: Record) -> None:
     """Take out jumps of speeds that wrapped round; refuse signed numbers read as unsigned."""
     for channel in CHANNELS:
         values = record.get(channel)
-        found = None if values is None or len(values) < 20 else find_wrap(values, record.breaks)
-        if found is None or not _moves(record, channel, found):
+        found = None if values is None or len(values) < 20 else _find(record, channel)
+        if found is None:
             continue
         where = record.place(found.row, channel, found.column)
         what = f"{found.count} jumps by one and the same {found.period:.5g}, there and back: "
@@ -74,6 +76,30 @@ def check_overflow(record: Record) -> None:
                 where,
                 "read the register with more bits, or drive more slowly",
             )
+
+
+def _find(record: Record, channel: str) -> Wrap | None:
+    """Jumps of all columns of a channel, else those of single ones, which others confirm."""
+    values = record.channels[channel]
+    found = find_wrap(values, record.breaks)
+    if found is not None and _moves(record, channel, found):
+        return found
+    mended, single = values.copy(), []
+    for column in range(values.shape[1]):
+        one = find_wrap(values[:, [column]], record.breaks)
+        if one is None:
+            continue
+        tried = values.copy()
+        tried[:, column] = one.values[:, 0]
+        one = replace(one, column=column, values=tried)
+        if _moves(record, channel, one, [column]):
+            mended[:, column] = tried[:, column]
+            single.append(one)
+    if not single:
+        return None
+    count = sum(one.count for one in single)
+    error = max(one.error for one in single)
+    return replace(single[0], count=count, error=error, values=mended)
 
 
 def find_wrap(values: np.ndarray, breaks: np.ndarray) -> Wrap | None:
@@ -111,19 +137,25 @@ def find_wrap(values: np.ndarray, breaks: np.ndarray) -> Wrap | None:
     return Wrap(period, error, int(jumps.sum()), int(row) + 1, int(column), unwrapped, unsigned)
 
 
-def _moves(record: Record, channel: str, found: Wrap) -> bool:
-    """Whether the channel goes with the motion without the jumps, and less with them.
+def _moves(record: Record, channel: str, found: Wrap, columns: list[int] | None = None) -> bool:
+    """Whether the channel fits another witness of the motion better without the jumps.
 
-    A drive that is switched jumps as well, between two steady values.  No wheel does.
+    A drive that is switched, or wheels that start between two rows, jump as well.
     """
-    if channel == "wheel_velocity":
-        return True
-    motion = record.get("wheel_velocity")
-    motion = record.get("body_velocity") if motion is None else motion
-    if motion is None:
-        return True
-    regressors = np.hstack([motion, np.gradient(motion, record.time, axis=0)])
-    now, then = (
-        float(np.median(explained(v, regressors))) for v in (record.channels[channel], found.values)
-    )
-    return then > max(FOLLOWS, now + MORE)
+    values = record.channels[channel]
+    motions = witnessed(record)
+    if channel != "wheel_velocity" and "wheel_velocity" in record.channels:
+        motions.append(record.channels["wheel_velocity"])
+    for motion in motions:
+        regressors = np.hstack([motion, np.gradient(motion, record.time, axis=0)])
+        now, then = (
+            float(np.median(explained(v if columns is None else v[:, columns], regressors)))
+            for v in (values, found.values)
+        )
+        if then > FOLLOWS and 1 - then < LEFT * (1 - now):
+            return True
+    if channel != "wheel_velocity":
+        return False
+    left = np.linalg.svd(record.platform.jacobian_array)[0][:, 3:]
+    now, then = (float(np.sum((v @ left) ** 2)) for v in (values, found.values))
+    return then < LEFT * now

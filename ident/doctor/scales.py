@@ -60,7 +60,7 @@ def _clear(kinematic: Kinematic) -> dict[str, Estimate]:
 def _common(kinematic: Kinematic) -> float:
     """The factor common to all axes that move; 0 where there is none."""
     clear = _clear(kinematic)
-    if not set(clear) - {"sideways"}:
+    if len(clear) < 2 and "forward" not in clear:
         return 0.0
     values = np.array([e.value for e in clear.values()])
     mean = float(values.mean())
@@ -104,8 +104,8 @@ def _tell_axes(record: Record, source: str, kinematic: Kinematic) -> None:
         for name, e in _clear(kinematic).items()
         if abs(e.value - 1) > ALONE and e.differs(1.0, CLEAR)
     }
-    if not off:
-        return
+    if not off or set(off) == {"yaw"}:
+        return  # yaw alone is looked at with the lever
     cause = CAUSES.get(tuple(off), "units of these columns, the wheel table, or slip")
     record.warn(
         "scales",

@@ -51,6 +51,7 @@ def check_signs(record: Record) -> None:
     elif all(f.of_source and f.source == faults[0].source != "body_velocity" for f in faults):
         _outvoted(record, faults, witnesses)
     else:
+        faults = sorted(faults, key=lambda fault: not (fault.of_source and fault.turn.rotates))
         words = [fault.words(record, witnesses.drive) for fault in faults[:6]]
         record.refuse(
             "signs",

@@ -9,6 +9,7 @@ from ident.doctor.record import Record, runs
 # Channel: share of its range by which one or two samples may stand out.  Torques may do so
 # at low sample rates.
 SHARES = {"wheel_velocity": 0.2, "body_velocity": 0.5, "wheel_torque": 1.5, "pose": 0.15}
+STEEPER = 3.0  # times the steps of a motion (85 % are smaller): a crest is no steeper
 TYPICAL = 30.0  # times the typical height of a peak, which noise makes
 # Of the range of the channel's busiest column (yaw at the radius of the wheels): that of a column
 # that hardly moves is its noise.
@@ -61,7 +62,11 @@ def _column(
         peaks = _peaks(step, width)
         if peaks.max() <= share * span:
             continue
-        limit = max(share * span, TYPICAL * float(np.median(peaks[peaks > 0])))
+        limit = max(
+            share * span,
+            TYPICAL * float(np.median(peaks[peaks > 0])),
+            STEEPER * float(np.percentile(np.abs(step), 85)),
+        )
         for begin in np.flatnonzero(peaks > limit):
             spikes[begin : begin + width] = True
     if not span or not spikes.any():

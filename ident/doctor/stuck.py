@@ -6,6 +6,7 @@ import numpy as np
 
 from ident.doctor.record import Record, runs
 from ident.doctor.resolution import resolution
+from ident.doctor.standing import Standing
 
 LONG = 0.3  # s without any change
 ACTIVE = 0.1  # share of its rms by which the others move meanwhile
@@ -25,8 +26,9 @@ def check_stuck(record: Record) -> None:
         if values is None:
             continue
         rms = float(np.sqrt(np.mean(values**2, axis=0)).max())
+        standing = Standing(record)
         for column in range(values.shape[1] if rms > 0 else 0):
-            stuck = _column(record, channel, column, rms)
+            stuck = _column(record, channel, column, rms, standing)
             if stuck.mean() > MOST_STUCK:
                 what = f"stands still or saturated in {stuck.mean():.0%} of the log"
                 where = record.name(channel, [column])
@@ -37,13 +39,16 @@ def check_stuck(record: Record) -> None:
         record.drop(cut, split=True)
 
 
-def _column(record: Record, channel: str, column: int, rms: float) -> np.ndarray:
+def _column(
+    record: Record, channel: str, column: int, rms: float, standing: Standing
+) -> np.ndarray:
     """Examine one column; return the samples to cut out."""
     values = record.channels[channel]
     own, stuck = np.ascontiguousarray(values[:, column]), np.zeros(len(values), bool)
     limits = {float(own.min()), float(own.max())}
     if len(limits) == 1:
-        if np.any(np.ptp(values, axis=0) > 0):
+        changing = np.any(np.ptp(values, axis=0) > 0)
+        if changing and not standing.excused(channel, column, 0, len(own), float(own[0])):
             what = f"always {own[0]:.6g} while the others change"
             record.refuse("stuck_sensor", what, record.name(channel, [column]), "repair the sensor")
         return stuck
@@ -61,7 +66,10 @@ def _column(record: Record, channel: str, column: int, rms: float) -> np.ndarray
         if step and np.std(_expected(record, channel, column)[begin:end]) < CHANGES * step:
             continue
         # A command at its limit is no broken sensor; a speed that cannot rise is one.
-        if alone and (channel == "wheel_velocity" or float(own[begin]) not in limits):
+        if not alone or (channel != "wheel_velocity" and float(own[begin]) in limits):
+            continue
+        limited = own[begin] != 0 and float(own[begin]) in limits
+        if limited or not standing.excused(channel, column, begin - 1, end, float(own[begin])):
             stuck[begin - 1 : end] = True
     if stuck.any():
         begin, end = max(runs(stuck), key=lambda run: run[1] - run[0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ident.doctor.evidence import hear
+from ident.doctor.lever import WIDEST
 from ident.doctor.record import Record
 from ident.doctor.smoothing import BODY_SOURCES, smooth
 from youbot_env.channels import SINGLE_COLUMNS
@@ -16,6 +17,7 @@ FAR = 2.0  # of a measured body velocity: refused
 WHEEL_REFUSED, WHEEL_TOLD = 1.5, 1.15  # one wheel against the others
 COMMON = {"measured": 1.5, "reference": 2.5}  # all wheels against others that say less or more
 SINGLE_UNITS = ("rpm", "deg/s")  # what one wheel alone may be in
+FEW_VALUES = 0.1  # values a row, below which a column comes in steps
 FASTEST = 2.0  # m/s at the rim of a wheel
 FASTEST_BODY = np.array([8.0, 8.0, 20.0])  # m/s, m/s, rad/s
 BODY_UNITS = {"mm": 1e3, "cm": 1e2, "in": 1 / 0.0254}
@@ -124,7 +126,8 @@ def _wheels(record: Record, gains: dict[str, np.ndarray]) -> None:
         )
         return
     relative = np.nan_to_num(sizes / typical, nan=1.0)
-    off = np.flatnonzero((relative < 1 / WHEEL_TOLD) | (relative > WHEEL_TOLD))
+    told = WHEEL_TOLD + _coarse(record.channels["wheel_velocity"])
+    off = np.flatnonzero((relative < 1 / told) | (relative > told))
     if len(off) > 1 and np.all(np.abs(np.log(relative)) < np.log(WHEEL_REFUSED)):
         return  # axes that move together: their scales pass for those of wheels
     for wheel in off:
@@ -132,9 +135,7 @@ def _wheels(record: Record, gains: dict[str, np.ndarray]) -> None:
 
 
 def _wheel(record: Record, wheel: int, relative: float, units: dict[str, float]) -> None:
-    """Compare one wheel with the others."""
-    if 1 / WHEEL_TOLD < relative < WHEEL_TOLD:
-        return
+    """Tell or refuse one wheel that is off the others."""
     column = record.name("wheel_velocity", [wheel])
     what = f"this wheel turns {relative:.3g} times as fast as the others say"
     unit = _unit(relative, {unit: units[unit] for unit in SINGLE_UNITS})
@@ -148,6 +149,16 @@ def _wheel(record: Record, wheel: int, relative: float, units: dict[str, float])
     else:
         remedy = "check its unit and encoder; give the unit in brackets, NAME [rpm]"
         record.refuse("wheel_scale", what, column, remedy)
+
+
+def _coarse(speeds: np.ndarray) -> np.ndarray:
+    """(n,) steps in which speeds come, of their rms: slow wheels in coarse steps say little."""
+    steps = np.zeros(speeds.shape[1])
+    for column, own in enumerate(speeds.T):
+        numbers = np.unique(own)
+        if 1 < len(numbers) < FEW_VALUES * len(own):
+            steps[column] = np.median(np.diff(numbers))
+    return steps / (np.sqrt(np.mean(speeds**2, axis=0)) + 1e-300)
 
 
 def _bodies(record: Record) -> None:
@@ -204,8 +215,8 @@ def _compare(record: Record, source: str, axes: np.ndarray, witness: str) -> Non
     """Tell about a body motion whose size contradicts the wheels."""
     near = NEAR[source]
     wrong = [k for k in range(3) if not (np.isnan(axes[k]) or 1 / near < axes[k] < near)]
-    if not wrong:
-        return
+    if not wrong or (wrong == [2] and source != "reference" and 1 / WIDEST < axes[2] < WIDEST):
+        return  # the latter is what a wrong lever does, which is looked at by itself
     far = max(max(axes[k], 1 / axes[k]) for k in wrong) > FAR
     what = (
         f"{source} is {', '.join(f'{axes[k]:.3g}' for k in wrong)} times as large as {witness} say"

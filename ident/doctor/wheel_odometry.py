@@ -78,10 +78,12 @@ def _repeated(record: Record, pose: np.ndarray, twist: np.ndarray) -> np.ndarray
     own = np.diff(twist, 3, axis=0)
     if np.any(np.mean(own[1:] * own[:-1], axis=0) > NOISE * np.mean(own**2, axis=0)):
         return None
+    scales, best = np.full(3, np.nan), np.full(3, COMPUTED)
     for before, after in ((1.0, 0.0), (0.0, 1.0), (0.5, 0.5)):
         claimed = np.diff(before * twist[:-1] + after * twist[1:], 3, axis=0)[unbroken]
         together = np.sum(fast * claimed, axis=0)
-        size = np.sqrt(np.sum(fast**2, axis=0) * np.sum(claimed**2, axis=0))
-        if np.all(together > COMPUTED * size):
-            return together / np.sum(claimed**2, axis=0)
-    return None
+        power = np.sum(claimed**2, axis=0)
+        alike = together / np.sqrt(np.sum(fast**2, axis=0) * power)
+        better = alike > best
+        scales[better], best[better] = (together / power)[better], alike[better]
+    return None if np.isnan(scales).any() else scales

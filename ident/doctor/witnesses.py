@@ -102,7 +102,7 @@ class Witnesses:
             self.silent[source] = share
             return
         self.sources.append(source)
-        oblique = self._oblique(motion)
+        oblique = self._oblique(motion) or self._oblique_drive(motion, rates)
         self.turns[source] = [t for t in TURNS[1:] if not (oblique and t.rotates)] + oblique
         for kind, evidence in heard.items():
             if kind == "wheels" or evidence.share > DRIVES:
@@ -115,6 +115,19 @@ class Witnesses:
         rolled = self.wheels @ np.linalg.pinv(self.J).T
         seen = np.linalg.lstsq(rolled[:, :2], motion[:, :2], rcond=None)[0].T
         angle = float(np.arctan2(seen[1, 0] - seen[0, 1], seen[0, 0] + seen[1, 1]))
+        clear = abs((angle + QUARTER / 2) % QUARTER - QUARTER / 2) > OBLIQUE
+        return [turn_by(angle)] if clear else []
+
+    def _oblique_drive(self, motion: np.ndarray, rates: np.ndarray) -> list[Turn]:
+        """The same by the drive input alone: a mass is the same forward and sideways."""
+        if self.wheels is not None or self.force is None:
+            return []
+        columns = np.hstack([motion, rates])
+        columns = columns - columns.mean(axis=0)
+        pushed = self.force @ self.J[:, :2]
+        found = np.linalg.lstsq(columns, pushed - pushed.mean(axis=0), rcond=None)[0].T
+        mass = found[:, 3:5]
+        angle = -float(np.arctan2(mass[1, 0] - mass[0, 1], mass[0, 0] + mass[1, 1]))
         clear = abs((angle + QUARTER / 2) % QUARTER - QUARTER / 2) > OBLIQUE
         return [turn_by(angle)] if clear else []
 
