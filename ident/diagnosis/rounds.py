@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
-from ident.contradiction import wheels_agree
+from ident.contradiction import rolling_variance, wheels_agree
 from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.pairs import best_pair
@@ -46,7 +46,7 @@ class Round:
         origin: mean squared scaled error, with what every robot has explained, of which an effect
             must remove a part.
         unexplained: the same before anything was explained, for generic dependences.
-        floor: mean squared scaled error that noise explains.
+        floor: mean squared scaled error that noise and rolling may explain.
         loss: (W,) mean squared scaled error of each window.
     """
 
@@ -76,7 +76,9 @@ class Round:
         with np.errstate(all="ignore"):
             evidence = Evidence.of(parts, list(simulations), trials(model, logs), [])
         gains = np.array([gain_of(evidence, k) for k in range(len(evidence.columns))])
-        floor = noise_floor(simulations[0], parts[0].weights)[0]
+        weights = parts[0].weights
+        rolling = float(np.mean(rolling_variance(parts[0].log) * weights**2))
+        floor = noise_floor(simulations[0], weights)[0] + rolling
         p = evidence.p_values(seed)[1]
         loss = window_losses(parts, simulations)
         error = float(loss[evidence.role == FIT].mean())
@@ -130,7 +132,7 @@ class Round:
 
     @property
     def excess(self) -> float:
-        """Mean squared scaled error of the fitted windows beyond what noise explains."""
+        """Mean squared scaled error of the fitted windows beyond ``floor``."""
         return max(self.error - self.floor, 0.0)
 
     def trial(self, number: int) -> Trial:

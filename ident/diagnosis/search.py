@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.dependence import Dependence
-from ident.diagnosis.parts import Part
+from ident.diagnosis.parts import FIT, Part
 from ident.diagnosis.rivals import Candidate, Refits, candidate, window_losses
 from ident.diagnosis.rounds import Round
 from ident.diagnosis.steps import Step, with_steps, without, without_idle
@@ -68,12 +68,24 @@ class Search:
         self.steps.append(Step(group[0], p, background, tuple(group[1:])))
 
     def add_background(self) -> None:
-        """Explain what every robot has some of, if the logs show it."""
+        """Explain what every robot has some of, if the logs show it and nothing does it yet.
+
+        A larger effect may hide it, so it is asked for again after each.  From then on effects must
+        remove a part of what it leaves.
+        """
+        if any(step.background for step in self.steps):
+            return
         number = self.last.shortlist.background()
         found = None if number is None else candidate(self.parts, self.last.evidence, number)
         if found is not None and self.last.helps(found):
             self.add([found], float(self.last.p[number]), True)
-            self.last = self.after(found.simulations, None)
+            if not self.real:
+                self.last = self.after(found.simulations, None)
+                return
+            alone = with_steps(self.base.model, [self.steps[-1]])
+            losses = window_losses(self.parts, self.fits.of(alone)[1])
+            origin = float(losses[self.last.evidence.role == FIT].mean())
+            self.last = self.after(found.simulations, origin)
 
     def prune(self) -> bool:
         """Drop what came late has made superfluous; tell whether that made room."""
@@ -168,7 +180,6 @@ def search(
     first = Round.of(parts, simulations, generic, seeds[0])
     at = Search(Refits(parts), base, generic, seeds, tell, first, first, [])
     at.add_background()
-    origin = at.last.error
     for _ in range(ROUNDS):
         if len(at.real) == MOST_EFFECTS and not at.prune():
             break
@@ -183,7 +194,8 @@ def search(
             break
         at.outside = False
         at.add(group, float(at.last.p[group[0].number]))
-        at.last = at.after(group[0].simulations, origin)
+        at.last = at.after(group[0].simulations, at.last.origin)
+        at.add_background()
     at.steps = without_idle(at.fits, base.model, at.steps)
     for _ in range(PASSES):
         at.settle()

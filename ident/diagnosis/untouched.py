@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from ident.contradiction import rolling_variance
 from ident.diagnosis.parts import FEWEST, VERIFY, Part
 from ident.diagnosis.rivals import Refits
 from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, with_steps, without
 from ident.free_run import free_run
+from ident.log import Log
 from ident.noise_floor import noise_floor
 from ident.output_error import OutputError
 from ident.sensitivity import Linearised, window_length
@@ -35,6 +37,8 @@ class FreeRunErrors:
         nrmse: of each model.
         axes: (models, 3) rms errors, m/s, m/s, rad/s.
         floor: what sensor noise alone leaves.
+        rolling: what real rollers and slip may leave besides, as far as the wheels contradict each
+            other.
         drop_ci95: interval of the share by which the last is smaller than the first.
         windows: number of windows behind it.
         by_force: whether forces at the measured motion are judged, not free runs.
@@ -44,6 +48,7 @@ class FreeRunErrors:
     nrmse: tuple[float, ...]
     axes: np.ndarray
     floor: float
+    rolling: float
     drop_ci95: tuple[float, float]
     windows: int
     by_force: bool = False
@@ -86,16 +91,32 @@ class FreeRunErrors:
 
     @property
     def left(self) -> float:
-        """Share of the squared error beyond noise that the final model leaves."""
+        """Share of the squared error beyond noise and rolling that the final model leaves."""
         return self._excess(-1) / max(self._excess(0), 1e-300)
 
     @property
     def clear(self) -> bool:
-        """Whether what the final model leaves is clearly more than noise."""
-        return self._excess(-1) > CLEAR * self.floor**2
+        """Whether what the final model leaves is clearly more than noise and rolling."""
+        return self._excess(-1) > CLEAR * self._excused
+
+    @property
+    def account(self) -> dict[str, float]:
+        """Shares of the base's squared error: each effect, noise, rolling, and the remainder."""
+        squares = np.array(self.nrmse) ** 2
+        shares = dict(zip(self.names[1:], (squares[:-1] - squares[1:]).tolist(), strict=True))
+        left = float(squares[-1])
+        for name, size in (("sensor noise", self.floor), ("rolling", self.rolling)):
+            shares[name] = min(size**2, left)
+            left -= shares[name]
+        shares["remainder"] = left
+        return {name: share / float(squares[0]) for name, share in shares.items()}
+
+    @property
+    def _excused(self) -> float:
+        return self.floor**2 + self.rolling**2
 
     def _excess(self, number: int) -> float:
-        return max(self.nrmse[number] ** 2 - self.floor**2, 0.0)
+        return max(self.nrmse[number] ** 2 - self._excused, 0.0)
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows."""
@@ -103,6 +124,8 @@ class FreeRunErrors:
             "before": self.before,
             "after": self.after,
             "noise_floor": self.floor,
+            "rolling": self.rolling,
+            "account": self.account,
             "drop_ci95": list(self.drop_ci95),
             "steps": [
                 {"added": name or None, "nrmse": error}
@@ -127,12 +150,14 @@ def free_run_errors(
     by_window = np.mean(squared / spread**2, axis=2)
     drawn = np.random.default_rng(0).integers(0, by_window.shape[1], (DRAWS, by_window.shape[1]))
     means = by_window[:, drawn].mean(axis=2)
+    log = simulation.log
     low, high = np.quantile(1.0 - np.sqrt(means[-1] / means[0]), [0.025, 0.975])
     return FreeRunErrors(
         tuple(name for name, _ in chain),
         tuple(np.sqrt(by_window.mean(axis=1)).tolist()),
         np.sqrt(squared.mean(axis=1)),
-        _floor(simulation, spread),
+        _floor(noise_floor(simulation, np.ones(simulation.residual.shape[-1]))[1], log, spread),
+        _floor(rolling_variance(log), log, spread),
         (float(low), float(high)),
         by_window.shape[1],
         by_force,
@@ -183,11 +208,8 @@ def _squared(parts: list[Part], models: tuple[Model, ...]) -> np.ndarray:
     return np.concatenate(found)
 
 
-def _floor(simulation: Linearised, spread: np.ndarray) -> float:
-    log, (_, variance) = (
-        simulation.log,
-        noise_floor(simulation, np.ones(simulation.residual.shape[-1])),
-    )
+def _floor(variance: np.ndarray, log: Log, spread: np.ndarray) -> float:
+    """Error of body velocities, as a share of their rms, of variances (m,) of the outputs."""
     if log.body_velocity is None:
         turn = np.linalg.pinv(log.platform.jacobian_array)
         variance = (turn**2) @ variance

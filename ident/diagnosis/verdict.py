@@ -227,7 +227,7 @@ def _judge(
     names = ", ".join(step.best.identifier for step in real)
     left = max(last.excess / max(first.excess, 1e-300), errors.left)
     clear = last.excess > last.floor or errors.clear
-    rolling = not first.wheels_agree
+    rolling = "" if first.wheels_agree else f" and the {100 * errors.rolling:.2g} % of rolling"
     if not errors.bounded:
         return "cannot_say", (
             f"the simulation explains nothing of these logs ({fall}): what they hold does not "
@@ -235,18 +235,18 @@ def _judge(
         )
     if errors.by_force and (not real or errors.before < FAINT):
         return "cannot_say", (
-            f"these logs hold no acceleration, and viscous friction leaves {100 * errors.before:.2g} "
-            "% of the drive's force, in which no effect shows: whatever resists at the speeds driven "
-            "looks like it; record several speeds and directions, better `record.py --motion "
-            "calibration`"
+            "these logs hold no acceleration, and viscous friction leaves "
+            f"{100 * errors.before:.2g} % of the drive's force, in which no effect shows: whatever "
+            "resists at the speeds driven looks like it; record several speeds and directions, "
+            "better `record.py --motion calibration`"
         )
     if outside:
         return "outside_library", f"the error depends on {signals}, as no effect explains"
     told = bool(last.dependences())
-    if not real and not rolling and last.excess > UNEXPLAINED * last.floor:
+    if not real and last.excess > UNEXPLAINED * last.floor:
         far = (
             f"the {errors.what}, {100 * errors.after:.3g} %, is far above the "
-            f"{100 * errors.floor:.3g} % of white noise, and no effect lowers it"
+            f"{100 * errors.floor:.3g} % of white noise{rolling}, and no effect lowers it"
         )
         if told:
             return "outside_library", f"{far}; it depends on {signals}"
@@ -274,10 +274,10 @@ def _judge(
         return "cannot_say", (
             f"{names} fit, but not what was kept for the end ({fall}); record another motion"
         )
-    if not rolling and left > REMAINDER and clear:
+    if left > REMAINDER and clear:
         return "outside_library", (
-            f"{names} fit best, but leave {100 * left:.0f} % of what noise does not explain; the "
-            f"wheels agree, so it is not the rollers; it depends on {signals}"
+            f"{names} fit best, but leave {100 * left:.0f} % of what noise{rolling} cannot explain "
+            f"({fall}); it depends on {signals}"
         )
     for step in real:
         for rival in get_effect(step.best.identifier).confusables:
