@@ -41,7 +41,8 @@ def check_lever(record: Record) -> None:
             record.warn(
                 "lever",
                 f"{source} turns as with a lever l + h of {lever:.3f} +- "
-                f"{CLEAR * spread * table:.3f} m, the wheel table has {table:.3f} m",
+                f"{CLEAR * spread * table:.3f} m, the wheel table has {table:.3f} m: "
+                f"yaw is {1 / ratio:.2f} times what the wheels say",
                 record.name(source, [2]),
                 f"compare with the drawing: where it agrees give --lever {lever:.3g}; slip in "
                 "turning looks like a longer lever, and a pose computed from the wheels shows the "

@@ -15,7 +15,11 @@ CLEAR = 0.8  # share of the wheel speeds a source must explain; noise makes it l
 NEAR = {"body_velocity": 1.35, "pose": 1.35, "reference": 1.6}  # gains that are no unit error
 FAR = 2.0  # of a measured body velocity: refused
 WHEEL_REFUSED, WHEEL_TOLD = 1.5, 1.15  # one wheel against the others
-COMMON = {"measured": 1.5, "reference": 2.5}  # all wheels against others that say less or more
+# All wheels against others, that say more or less.  On a floor of friction 0.13 wheels turn 1.5 to
+# 2 times as far as the robot moves, sideways 3 times; hardly any moves further than its wheels.
+LEAST = {"measured": 1 / 1.5, "reference": 1 / 2.5}
+COMMON = {"measured": 2.5, "reference": 2.5}
+ROLLS = 0.5  # of what contradicts rolling, left once a wheel is scaled: then its scale was wrong
 SINGLE_UNITS = ("rpm", "deg/s")  # what one wheel alone may be in
 FEW_VALUES = 0.1  # values a row, below which a column comes in steps
 FASTEST = 2.0  # m/s at the rim of a wheel
@@ -115,8 +119,8 @@ def _wheels(record: Record, gains: dict[str, np.ndarray]) -> None:
         what = f"wheel speeds are {typical:.4g} times what {' and '.join(each)} say: {common}"
         record.fixed("units", what, where, "turned into rad/s")
         sizes, typical = sizes / units[common], typical / units[common]
-    limit = COMMON["reference" if set(each) == {"reference"} else "measured"]
-    if not 1 / limit < typical < limit:
+    kind = "reference" if set(each) == {"reference"} else "measured"
+    if not LEAST[kind] < typical < COMMON[kind]:
         record.refuse(
             "units",
             f"wheel speeds are {typical:.3g} times as large as {' and '.join(each)} say",
@@ -144,11 +148,22 @@ def _wheel(record: Record, wheel: int, relative: float, units: dict[str, float])
         values[:, wheel] /= units[unit]
         record.set("wheel_velocity", values)
         record.fixed("wheel_scale", f"{what}: {unit}", column, "turned into rad/s")
-    elif 1 / WHEEL_REFUSED < relative < WHEEL_REFUSED:
+    elif 1 / WHEEL_REFUSED < relative < WHEEL_REFUSED or not _rolls(record, wheel, relative):
         record.warn("wheel_scale", what, column, "check its radius and encoder")
     else:
         remedy = "check its unit and encoder; give the unit in brackets, NAME [rpm]"
         record.refuse("wheel_scale", what, column, remedy)
+
+
+def _rolls(record: Record, wheel: int, relative: float) -> bool:
+    """Whether four wheels roll together once one is scaled; where it slips they do not."""
+    left = np.linalg.svd(record.platform.jacobian_array)[0][:, 3:]
+    if not left.shape[1]:
+        return True  # three wheels never contradict each other
+    speeds = smooth(record).signals["wheel_velocity"]
+    scaled = speeds.copy()
+    scaled[:, wheel] /= relative
+    return bool(np.sum((scaled @ left) ** 2) < ROLLS * np.sum((speeds @ left) ** 2))
 
 
 def _coarse(speeds: np.ndarray) -> np.ndarray:
