@@ -1,8 +1,8 @@
 """What is known before any log, and estimates that keep to it where the logs say less.
 
 A log of straight runs moves yaw by its noise only, yet least squares makes numbers of that: a
-negative friction, a mass of tons.  Estimates that stay possible are left alone.  Where one does
-not, directions in which the logs say less than what is known beforehand stay where they started,
+negative friction, a mass of tons.  Estimates that stay possible are left alone.  Where one runs
+away, directions in which the logs say less than what is known beforehand stay where they started,
 and a value that would still leave its bounds is held there.
 """
 
@@ -76,9 +76,14 @@ def kept_possible(seen: Seen, regression: Regression, model: Model) -> tuple[See
         return seen, []
     spreads, words = prior_spreads(seen.names, model), []
     left = _energy(regression, regression.residual(values)) / _energy(regression, regression.y)
-    held: dict[str, float] = {}
+    # A value that misses its bound by less than what was known beforehand has not run away.
+    near = all(
+        abs(value - broken.get(name, value)) <= spread
+        for name, value, spread in zip(seen.names, values, spreads, strict=True)
+    )
+    least, held = 0.0 if near else ALIGNED**2 * left, {}
+    cut = _cut(seen, regression, spreads, least, held)
     for _ in range(len(seen.names)):
-        cut = _cut(seen, regression, spreads, ALIGNED**2 * left, held)
         values = _solved(cut, regression)
         broken = outside(cut.names, values, model)
         if not broken:
@@ -91,6 +96,7 @@ def kept_possible(seen: Seen, regression: Regression, model: Model) -> tuple[See
             f"{name} would come out at {values[worst]:.3g}; it is held at its bound, "
             f"{broken[name]:.3g}"
         )
+        cut = _cut(seen, regression, spreads, least, held)
     return cut, words
 
 
@@ -114,7 +120,8 @@ def _cut(
     gramian = np.einsum("n,nap,naq->pq", weights, H, H) / _energy(regression, regression.y)
     strength, turn = np.linalg.eigh(gramian)
     kept = free @ turn[:, strength > least]
-    unseen = null_space(kept.T) if kept.shape[1] else np.eye(len(spreads))
+    known = np.column_stack([kept, np.eye(len(spreads))[:, fixed]])
+    unseen = null_space(known.T) if known.shape[1] else np.eye(len(spreads))
     null = echelon(unseen.T) * spreads
     return replace(seen, start=start, basis=spreads[:, None] * kept, null=null, held=tuple(held))
 

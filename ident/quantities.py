@@ -59,7 +59,7 @@ def quantities(
     at = [names.index(name) for name in seen.names]
 
     def quantity(value: float, weights: np.ndarray, unit: str) -> Quantity:
-        if any(weights[names.index(name)] != 0 for name in seen.held):
+        if all(names[k] in seen.held for k in np.flatnonzero(weights)):
             return Quantity(float(value), unit, None, None, AT_BOUND)
         se = float(np.sqrt(max(weights @ covariance @ weights, 0.0)))
         if se == 0.0 or not (np.isfinite(se) and seen.determines(weights[at])):
