@@ -11,7 +11,7 @@ from ident.white_noise import white_variance
 # Mean squared contradiction of the wheels, in units of their noise, from which they disagree.
 CONTRADICTION = 2.0
 # Free-run error of robots with real rollers beyond noise, in contradictions of their wheels: of 15
-# simulated ones 0.4 to 1.0 with their ripple in the model and up to 1.9 without, and rollers differ.
+# simulated ones 0.4 to 1 with their ripple in the model and up to 1.9 without; rollers differ.
 ROLLING = 2.0
 
 
