@@ -20,7 +20,8 @@ from ident.physical import doubts, invisible
 from ident.pooling import as_list, pooled
 from ident.prior import kept_possible
 from ident.quantities import Quantity, annotated, quantities
-from ident.recording import Instrument, find_recordings, with_free_clocks
+from ident.recording import find_recordings, with_free_clocks
+from ident.recording_words import Instrument
 from ident.recursive import history
 from ident.regression import CORNER, Regression, build_regression
 from ident.seen import Seen

@@ -14,7 +14,7 @@ from given_logs import TEST, LogOptions, Logs, digests, one_or_all, reads_logs
 
 from ident.comparison import Standing, compare, rank
 from ident.log import Log
-from ident.recording import in_words
+from ident.recording_words import in_words
 from ident.report.compare import comparison_page
 from ident.report.compare_words import (
     FREE_RUN_HEAD,

@@ -22,7 +22,7 @@ from given_logs import (
 )
 
 from ident.diagnosis.verdict import Diagnosis, diagnose
-from ident.recording import in_words
+from ident.recording_words import in_words
 from ident.report.findings import accepted, finding_lines, findings_json
 from youbot_env.model_file import load_model
 

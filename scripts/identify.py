@@ -27,7 +27,7 @@ from given_logs import (
 from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
 from ident.identification import identify
 from ident.quantities import AT_BOUND, UNSEEN
-from ident.recording import in_words
+from ident.recording_words import in_words
 from ident.report.findings import accepted, finding_lines, findings_json
 from ident.report.identify import identification_page
 from ident.report.outcome import (

@@ -30,7 +30,7 @@ from controllers.evaluation.run import drive, make_env, measure
 from controllers.evaluation.subjects import Subject
 from ident.improvement import Improvement, improve
 from ident.log import Log
-from ident.recording import in_words
+from ident.recording_words import in_words
 from ident.report.findings import accepted, finding_lines, findings_json
 from ident.report.improve import (
     ERRORS_HEAD,

@@ -7,7 +7,8 @@ import pytest
 
 from ident import compare, diagnose, identify
 from ident.log import Log
-from ident.recording import find_recordings, in_words, nearest_hold
+from ident.recording import find_recordings
+from ident.recording_words import in_words, nearest_hold
 from youbot_env.measurement import HOLDS, instruments
 from youbot_env.model_file import load_model
 from youbot_env.references import SmoothRandom, calibration_sequence

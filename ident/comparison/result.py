@@ -21,7 +21,8 @@ from ident.free_run import WINDOW, FreeRun, free_run
 from ident.instruments import without_instruments
 from ident.log import Log
 from ident.pooling import as_list, as_one
-from ident.recording import Instrument, find_recordings
+from ident.recording import find_recordings
+from ident.recording_words import Instrument
 from ident.regression import AXES, Regression, build_regression
 from youbot_env.model import Model
 

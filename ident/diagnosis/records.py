@@ -8,17 +8,11 @@ import numpy as np
 
 from ident.diagnosis.parts import FIT, choosing_until, divide
 from ident.diagnosis.rivals import Refits
+from ident.drive_clock import lead
 from ident.instruments import HOLD, OFFSET, SHIFT, stated
 from ident.log import Log
-from ident.recording import (
-    Instrument,
-    Recording,
-    clock,
-    find_recordings,
-    lead,
-    plain,
-    with_free_clocks,
-)
+from ident.recording import Recording, find_recordings, with_free_clocks
+from ident.recording_words import Instrument, clock, plain
 from ident.restored import restored
 from ident.thinning import DENSE, thinned
 from youbot_env.effects import get_effect

@@ -26,7 +26,8 @@ from ident.log import Log
 from ident.observability import FAINT
 from ident.output_error import OutputError
 from ident.pooling import as_list, pooled
-from ident.recording import Instrument, Recording
+from ident.recording import Recording
+from ident.recording_words import Instrument
 from ident.thinning import SEARCHED
 from youbot_env.effects import get_effect
 from youbot_env.model import Model

@@ -11,7 +11,7 @@ from ident.diagnosis.shortlist import CHANGING, LEAST_GAIN
 from ident.diagnosis.verdict import Diagnosis
 from ident.log import Log
 from ident.physical import invisible
-from ident.recording import in_words
+from ident.recording_words import in_words
 from ident.report import motion
 from ident.report.compare_words import probability
 from ident.report.diagnose_error import depends_on, ends, falling, where

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.recording import in_words
+from ident.recording_words import in_words
 from ident.report import forces, motion
 from ident.report.estimates import correlation_figure, track_figure
 from ident.report.findings import findings_notes
