@@ -33,6 +33,9 @@ from youbot_env.effects import get_effect
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
+# Beside an effect that is named, this share of the error that it should explain is worth a word.
+WORTH_TELLING = 0.1
+
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
@@ -288,7 +291,11 @@ def _judge(
                     f"{names} fits, but {rival}, which looks alike, could not be tried: {why} "
                     f"({fall})"
                 )
+    rest = ""
+    if clear and left > WORTH_TELLING:
+        rest = f"; {100 * left:.0f} % of what noise{rolling} cannot explain is left"
+        rest += f" and depends on {signals}" if told else ""
     doubtful = [step for step in real if len(step.group) > 1]
     if doubtful:
-        return "ambiguous", f"{', '.join(doubtful[0].group)} explain the log alike; {fall}"
-    return "named", f"{names}; {fall}"
+        return "ambiguous", f"{', '.join(doubtful[0].group)} explain the log alike; {fall}{rest}"
+    return "named", f"{names}; {fall}{rest}"
