@@ -278,6 +278,13 @@ def _judge(
         return "cannot_say", (
             f"{names} fit, but not what was kept for the end ({fall}); record another motion"
         )
+    if errors.drop_ci95[0] <= 0.0:
+        low, high = (100 * share for share in errors.drop_ci95)
+        return "cannot_say", (
+            f"{names} fit, but the {fall} on what was kept for the end is no certain gain "
+            f"({low:.0f} to {high:.0f} % of it); record a motion on all axes with starts, stops "
+            "and reversals"
+        )
     if left > REMAINDER and clear:
         return "outside_library", (
             f"{names} fit best, but leave {100 * left:.0f} % of what noise{rolling} cannot explain "
