@@ -59,7 +59,7 @@ def doubts(model: Model, quantities: dict[str, Any]) -> list[str]:
         found.append(f"impossible: {problem}; {_usual_cause(problem)}")
     # All mass at the corners of the body gives the largest inertia its footprint allows.
     footprint = parameters.m0 * (OVERHANG * platform.reach) ** 2
-    if footprint < parameters.I0:
+    if footprint < parameters.I0 and quantities["I0"].ci95 is not None:
         found.append(
             f"I0 = {parameters.I0:.3g} kg m^2 is more than {footprint:.3g} kg m^2, all mass at the "
             "corners of the body; it has absorbed an unmodelled yaw effect (scrub, gain, delay, L "

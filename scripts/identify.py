@@ -180,7 +180,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     if result.effects:
         console.out.print()
         console.table("Effects", heads, [row[:5] for row in effect_rows(outcome)])
-    console.section("Doubts", [f"({k}) {doubt}" for k, doubt in enumerate(result.doubts, 1)])
+    console.section("Doubts", [f"({k}) {doubt}" for k, doubt in enumerate(outcome.doubts, 1)])
     console.out.print()
     console.table("Known better than the single inertias", heads, lump_rows(outcome))
     console.out.print()

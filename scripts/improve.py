@@ -191,7 +191,8 @@ def tell(
             for row, error in zip(error_rows(done), errors, strict=True)
         ]
         console.out.print()
-        title = f"Free run on {found.errors.windows} untouched windows, rms errors"
+        what = found.errors.what.capitalize()
+        title = f"{what} on {found.errors.windows} untouched windows, rms"
         console.table(title, (*ERRORS_HEAD, ""), rows)
         console.out.print()
         console.table("Base parameters and lumps", base_head(done), base_rows(done))

@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ident.contradiction import rolling_variance
 from ident.diagnosis.parts import FEWEST, VERIFY, Part
 from ident.diagnosis.rivals import Refits
 from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, with_steps, without
 from ident.free_run import free_run
-from ident.log import Log
-from ident.noise_floor import noise_floor
+from ident.noise_floor import velocity_floor
 from ident.output_error import OutputError
 from ident.sensitivity import Linearised, window_length
 from youbot_env.model import Model
@@ -150,14 +148,12 @@ def free_run_errors(
     by_window = np.mean(squared / spread**2, axis=2)
     drawn = np.random.default_rng(0).integers(0, by_window.shape[1], (DRAWS, by_window.shape[1]))
     means = by_window[:, drawn].mean(axis=2)
-    log = simulation.log
     low, high = np.quantile(1.0 - np.sqrt(means[-1] / means[0]), [0.025, 0.975])
     return FreeRunErrors(
         tuple(name for name, _ in chain),
         tuple(np.sqrt(by_window.mean(axis=1)).tolist()),
         np.sqrt(squared.mean(axis=1)),
-        _floor(noise_floor(simulation, np.ones(simulation.residual.shape[-1]))[1], log, spread),
-        _floor(rolling_variance(log), log, spread),
+        *velocity_floor(simulation, spread),
         (float(low), float(high)),
         by_window.shape[1],
         by_force,
@@ -206,11 +202,3 @@ def _squared(parts: list[Part], models: tuple[Model, ...]) -> np.ndarray:
         error = np.nan_to_num((run.simulated - run.measured) ** 2, nan=1e6, posinf=1e6)
         found.append(error.reshape(len(part.role), -1, 3).mean(axis=1)[part.windows(VERIFY)])
     return np.concatenate(found)
-
-
-def _floor(variance: np.ndarray, log: Log, spread: np.ndarray) -> float:
-    """Error of body velocities, as a share of their rms, of variances (m,) of the outputs."""
-    if log.body_velocity is None:
-        turn = np.linalg.pinv(log.platform.jacobian_array)
-        variance = (turn**2) @ variance
-    return float(np.sqrt(np.mean(variance / spread**2)))

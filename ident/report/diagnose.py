@@ -72,7 +72,7 @@ def figures(found: Diagnosis) -> list[tuple[str, str]]:
         return []
     errors = found.errors
     shown = [
-        (percent(errors.before), "free-run error of the base model"),
+        (percent(errors.before), f"{errors.what} of the base model"),
         (percent(errors.after), "with what was added"),
         (percent(errors.floor), "left by the noise of the sensors"),
     ]

@@ -34,8 +34,8 @@ def falling(found: Diagnosis) -> Section:
     errors = found.errors
     low, high = (percent(end) for end in errors.drop_ci95)
     caption = (
-        "Rms free-run errors on windows that nothing was fitted to or chosen by, with each effect "
-        "that was added."
+        f"{errors.what.capitalize()}, rms on windows that nothing was fitted to or chosen by, with "
+        "each effect that was added."
     )
     if len(errors.nrmse) > 1:
         caption += f" The error falls by {percent(1 - errors.after / errors.before)}, 95 % interval"

@@ -94,7 +94,7 @@ def _prediction(outcome: Outcome) -> Section:
 
 def _parameters(outcome: Outcome) -> Section:
     result = outcome.result
-    marks = [f"({k}) {doubt}" for k, doubt in enumerate(result.doubts, 1)]
+    marks = [f"({k}) {doubt}" for k, doubt in enumerate(outcome.doubts, 1)]
     meaning = MEANING | {
         f"{a.identifier}.{flat}": a.effect.title for a in result.model.effects for flat in a.values
     }

@@ -53,7 +53,7 @@ def verdict(done: Improvement) -> str:
     found, added = done.found, [stage.added for stage in done.stages[1:]]
     if found.verdict in ("named", "ambiguous"):
         before, after = percent(found.errors.before), percent(found.errors.after)
-        sentence = f"Added {', '.join(added)}: free-run error {before} before, {after} after"
+        sentence = f"Added {', '.join(added)}: {found.errors.what} {before} before, {after} after"
         doubtful = [step.group for step in found.named if len(step.group) > 1]
         for group in doubtful:
             sentence += f"; the logs do not tell {' from '.join(group)}"

@@ -7,10 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ident.diagnosis.judge import inertia_is_seen
 from ident.free_run import FreeRun, free_run
-from ident.identification import Identification
+from ident.identification import Identification, equation_error
 from ident.log import Log
+from ident.noise_floor import velocity_floor
 from ident.quantities import Quantity, listed_names
+from ident.regression import Regression, build_regression
+from ident.sensitivity import Linearised
 from youbot_env.model import Model
 from youbot_env.parameters import MEANING, UNITS
 
@@ -18,6 +22,9 @@ AXES = (("V_X", "m/s"), ("V_Y", "m/s"), ("Omega", "rad/s"))
 SURELY_BIASED = 0.01  # p value
 # Free-run errors that differ by less are equal for a log of a minute.
 TOLERANCE = 1.05
+# Squared free-run error beyond noise and rolling, in units of these, that is worth a doubt; a robot
+# of which nothing is missing stays below 1.
+UNEXPLAINED = 3.0
 
 
 @dataclass(frozen=True)
@@ -29,6 +36,9 @@ class Outcome:
         before: the model it started from, without effects that were added.
         logs: what both are judged on.
         before_run, after_run: free runs on that log.
+        floor: free-run error that noise of the sensors and rolling leave, as a share of the motion.
+        forces: shares of the drive's force that either leaves at the measured motion, where this
+            is steady and a free run tells nothing; else None.
     """
 
     result: Identification
@@ -36,13 +46,24 @@ class Outcome:
     logs: tuple[Log, ...]
     before_run: FreeRun
     after_run: FreeRun
+    floor: float
+    forces: tuple[float, float] | None = None
 
     @classmethod
     def of(cls, result: Identification, before: Model) -> Outcome:
         """Judge on the test logs, or on the fitted ones where there are none."""
         logs = result.tests or result.logs
         before = replace(before, platform=logs[0].platform)
-        return cls(result, before, logs, free_run(logs, before), result.test_run or result.fit_run)
+        after, forces = result.test_run or result.fit_run, None
+        if not inertia_is_seen(logs, before):
+            models = before, result.model
+            rows = [Regression.join([build_regression(log, m) for log in logs]) for m in models]
+            forces = tuple(
+                float(equation_error(row, m)[3]) for row, m in zip(rows, models, strict=True)
+            )
+        spread = np.maximum(after.measured.std(axis=0), 1e-9)
+        floor = math.hypot(*velocity_floor(Linearised.of(logs[0], result.model), spread))
+        return cls(result, before, logs, free_run(logs, before), after, floor, forces)
 
     @property
     def log(self) -> Log:
@@ -67,7 +88,20 @@ class Outcome:
     @property
     def better(self) -> bool:
         """Whether the identified model predicts at least as well as the one before."""
-        return bool(self.after_run.nrmse <= TOLERANCE * self.before_run.nrmse)
+        before, after = self.forces or (self.before_run.nrmse, self.after_run.nrmse)
+        return bool(after <= TOLERANCE * before)
+
+    @property
+    def doubts(self) -> list[str]:
+        """What is odd about the result, and what its intervals do not hold."""
+        error = self.after_run.nrmse
+        if self.forces or error**2 <= (1.0 + UNEXPLAINED) * self.floor**2:
+            return self.result.doubts
+        return [
+            *self.result.doubts,
+            f"the intervals do not hold what the model leaves unexplained ({percent(error)} where "
+            f"noise and rolling leave {percent(self.floor)}, {self.judged_on}): run diagnose",
+        ]
 
     @property
     def problems(self) -> list[str]:
@@ -83,6 +117,12 @@ class Outcome:
         kind = "the untouched log" if self.untouched else "the log it was fitted to,"
         if len(self.logs) > 1 or self.log.runs:
             kind = "the untouched logs" if self.untouched else "the logs it was fitted to,"
+        if self.forces:
+            before, after = map(percent, self.forces)
+            return (
+                f"Drive's force left unexplained on {kind} {self.judged_on}: {self.label} "
+                f"{before}, identified {after}. The motion is steady: a free run cannot judge."
+            )
         before, after = percent(self.before_run.nrmse), percent(self.after_run.nrmse)
         return (
             f"Free-run error on {kind} {self.judged_on}: {self.label} {before}, identified {after}."
@@ -101,6 +141,11 @@ class Outcome:
         return {
             "verdict": self.verdict,
             "judged_on": {"log": self.judged_on, "untouched": self.untouched, **free_runs},
+            "unexplained_force": dict(zip(("before", "after"), self.forces, strict=True))
+            if self.forces
+            else None,
+            "noise_floor": self.floor,
+            "doubts": self.doubts,
             "problems": self.problems,
         }
 
@@ -130,7 +175,7 @@ def parameter_rows(outcome: Outcome) -> list[tuple[str, ...]]:
     """Name, value before, identified value, interval, unit, source, numbers of doubts."""
     result, before, rows = outcome.result, outcome.before.parameters.as_dict(), []
     for name, quantity in result.parameters.items():
-        marks = [str(k) for k, doubt in enumerate(result.doubts, 1) if name in subjects(doubt)]
+        marks = [str(k) for k, doubt in enumerate(outcome.doubts, 1) if name in subjects(doubt)]
         value = rounded(quantity.value, quantity.se)
         cells = (name, f"{before[name]:.4g}", value, interval(quantity), quantity.unit)
         rows.append((*cells, quantity.source, ", ".join(marks)))
