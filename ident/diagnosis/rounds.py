@@ -46,7 +46,7 @@ class Round:
         origin: mean squared scaled error, with what every robot has explained, of which an effect
             must remove a part.
         unexplained: the same before anything was explained, for generic dependences.
-        floor: mean squared scaled error that noise and rolling may explain.
+        noise, rolling: mean squared scaled error that noise explains, and that rolling may.
         loss: (W,) mean squared scaled error of each window.
     """
 
@@ -56,7 +56,8 @@ class Round:
     generic: list[Dependence]
     gains: np.ndarray
     p: np.ndarray
-    floor: float
+    noise: float
+    rolling: float
     loss: np.ndarray
     origin: float
     unexplained: float
@@ -78,12 +79,12 @@ class Round:
         gains = np.array([gain_of(evidence, k) for k in range(len(evidence.columns))])
         weights = parts[0].weights
         rolling = float(np.mean(rolling_variance(parts[0].log) * weights**2))
-        floor = noise_floor(simulations[0], weights)[0] + rolling
+        noise = noise_floor(simulations[0], weights)[0]
         p = evidence.p_values(seed)[1]
         loss = window_losses(parts, simulations)
         error = float(loss[evidence.role == FIT].mean())
-        return cls(parts, simulations, evidence, generic, gains, p, floor, loss, origin or error,
-                   unexplained or error)  # fmt: skip
+        return cls(parts, simulations, evidence, generic, gains, p, noise, rolling, loss,
+                   origin or error, unexplained or error)  # fmt: skip
 
     @cached_property
     def wheels_agree(self) -> bool:
@@ -95,7 +96,7 @@ class Round:
         """The trials, judged."""
         # What rollers leave within a turn is gone from the means that forces are judged by.
         agree = self.wheels_agree or self.parts[0].log.window is not None
-        return Shortlist(self.evidence, self.gains, self.p, self.error, self.floor, self.origin,
+        return Shortlist(self.evidence, self.gains, self.p, self.error, self.noise, self.origin,
                          agree)  # fmt: skip
 
     @property
@@ -124,6 +125,11 @@ class Round:
     def model(self) -> Model:
         """The model of this round."""
         return self.evidence.model
+
+    @property
+    def floor(self) -> float:
+        """Mean squared scaled error that is no fault of a model."""
+        return self.noise + self.rolling
 
     @property
     def error(self) -> float:
