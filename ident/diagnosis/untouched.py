@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ident.contradiction import wheels_agree
 from ident.diagnosis.parts import FEWEST, VERIFY, Part
 from ident.diagnosis.rivals import Refits
 from ident.diagnosis.shortlist import LEAST_GAIN
@@ -165,15 +166,21 @@ def confirmed(
 ) -> list[Step]:
     """Leave out steps without which the error on untouched windows is hardly larger.
 
-    A few windows can only refuse what makes them worse.
+    A few windows can only refuse what makes them worse.  Where rollers may feign an effect it must
+    remove a part of the whole error, as when it was chosen.
     """
+    feigned = not wheels_agree(simulation.log)
     while len(steps) > 1:
         full = with_steps(base.model, steps)
         models = [without(full, step.best.identifier) for step in steps] + [full]
         chain = [("", base.model)] + [("", fits.of(model)[0].model) for model in models]
         errors = free_run_errors(fits, chain, simulation)
         least = LEAST_GAIN if errors.windows >= FEWEST else 0.0
-        gain = 1.0 - errors.remaining[-1] ** 2 / errors.remaining[1:-1] ** 2
+        left, without_it = errors.remaining[-1] ** 2, errors.remaining[1:-1] ** 2
+        gain = 1.0 - left / without_it
+        if feigned:
+            real = np.array([not step.background for step in steps])
+            gain *= np.where(real, np.minimum(without_it, 1.0), 1.0)
         idlest = int(np.argmin(gain))
         if gain[idlest] > least:
             break
