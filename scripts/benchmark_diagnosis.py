@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Annotated
@@ -9,12 +10,13 @@ from typing import Annotated
 import console
 import typer
 
-from ident.benchmark.cases import FULL_PLAN, PARTS, QUICK_PLAN, Case
+from ident.benchmark.cases import FOREIGN_PLAN, FULL_PLAN, PARTS, QUICK_PLAN, Case
 from ident.benchmark.runner import Task, run
 from ident.benchmark.store import Store, code_version
 from ident.benchmark.summary import summarise
 
 RESULTS = Path("runs/benchmark_diagnosis.jsonl")
+CONDITIONS = {"own": FULL_PLAN, "foreign": FOREIGN_PLAN}
 BASELINES = ("pysindy", "sysidentpy")
 # Cases of each kind that the baselines get: robots of every effect at full size, quiet robots.
 BASELINE_SEEDS, BASELINE_NOTHING = 3, 30
@@ -24,6 +26,10 @@ def benchmark(
     quick: Annotated[bool, typer.Option("--quick", help="A few dozen cases, a few minutes.")] = (
         False
     ),
+    conditions: Annotated[
+        str,
+        typer.Option(help="own (this project's defaults) or foreign (as other laboratories log)."),
+    ] = "own",
     part: Annotated[
         list[str] | None,
         typer.Option(help=f"Only this part ({', '.join(PARTS)}); may be repeated."),
@@ -60,7 +66,7 @@ def benchmark(
     Finished cases are kept in a file, so a run that was stopped goes on where it was; results of
     other code do not count.  The full run takes hours.
     """
-    chosen = choose(quick, part, cases, seed)
+    chosen = choose(quick, part, cases, seed, conditions)
     if show:
         console.out.print("\n".join(case.id for case in chosen))
         return
@@ -95,16 +101,26 @@ def benchmark(
         )
 
 
-def choose(quick: bool, parts: list[str] | None, pattern: str | None, seed: int) -> list[Case]:
+def choose(
+    quick: bool,
+    parts: list[str] | None,
+    pattern: str | None,
+    seed: int,
+    conditions: str = "own",
+) -> list[Case]:
     """Cases of the plan that the options leave.
 
     Raises:
-        ValueError: an unknown part, or nothing is left.
+        ValueError: unknown conditions, an unknown part, or nothing is left.
     """
     for name in parts or ():
         if name not in PARTS:
             raise ValueError(f"--part {name}: choose one of {', '.join(PARTS)}")
-    plan = QUICK_PLAN if quick else FULL_PLAN
+    if conditions not in CONDITIONS:
+        raise ValueError(f"--conditions {conditions}: choose one of {', '.join(CONDITIONS)}")
+    plan = CONDITIONS[conditions]
+    if quick:
+        plan = replace(QUICK_PLAN, foreign=plan.foreign)
     left = [case for case in plan.cases(seed) if not parts or case.part in parts]
     if pattern is not None:
         left = [case for case in left if fnmatch(case.id, pattern)]

@@ -8,15 +8,17 @@ from youbot_env.platform import youbot
 from youbot_env.references import REFERENCES, Circle, Eased, calibration_sequence, make_reference
 
 T = np.arange(0.0, 40.0, 1e-3)
+# Where a hand changes the velocity within 0.3 s, differences over a millisecond are too coarse.
+FINE = np.arange(0.0, 40.0, 2e-4)
 NAMES = [name for name in REFERENCES if name != "step"]
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_rates_are_derivatives_of_the_pose(name):
-    motion = make_reference(name).sample(T, seed=3)
+    motion = make_reference(name).sample(FINE, seed=3)
     for part, derivative in ((motion.pose, motion.rate), (motion.rate, motion.acceleration)):
         for value, rate in zip(part, derivative, strict=True):
-            numeric = np.gradient(value, T)
+            numeric = np.gradient(value, FINE)
             # A sequence may change its velocity where two parts meet; everywhere else they agree.
             close = np.abs(numeric - rate)[2:-2] < 1e-4 * (1 + np.abs(rate[2:-2]))
             assert close.mean() > 0.999
@@ -24,10 +26,10 @@ def test_rates_are_derivatives_of_the_pose(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_eased_motion_has_the_right_derivatives(name):
-    motion = Eased(of=make_reference(name)).sample(T[:3000], seed=3)
+    motion = Eased(of=make_reference(name)).sample(FINE[:15000], seed=3)
     for part, derivative in ((motion.pose, motion.rate), (motion.rate, motion.acceleration)):
         for value, rate in zip(part, derivative, strict=True):
-            numeric = np.gradient(value, T[:3000])
+            numeric = np.gradient(value, FINE[:15000])
             np.testing.assert_allclose(numeric[2:-2], rate[2:-2], atol=2e-5)
 
 
@@ -57,9 +59,9 @@ def test_eased_motion_stays_on_the_path_and_below_its_speed():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_twist_rate_is_the_derivative_of_the_twist(name):
-    motion = make_reference(name).sample(T, seed=3)
+    motion = make_reference(name).sample(FINE, seed=3)
     for value, rate in zip(motion.twist(NUMPY), motion.twist_rate(NUMPY), strict=True):
-        close = np.abs(np.gradient(value, T) - rate)[2:-2] < 2e-4 * (1 + np.abs(rate[2:-2]))
+        close = np.abs(np.gradient(value, FINE) - rate)[2:-2] < 2e-4 * (1 + np.abs(rate[2:-2]))
         assert close.mean() > 0.999
 
 
@@ -71,7 +73,9 @@ def test_step_reverses_without_leaving_its_line():
     assert set(np.round(np.hypot(*motion.rate[:2]), 12)) == {0.2}
 
 
-@pytest.mark.parametrize("name", ["circle", "eight", "multisine", "smooth_random", "III", "IV"])
+@pytest.mark.parametrize(
+    "name", ["circle", "eight", "multisine", "smooth_random", "joystick", "square", "III", "IV"]
+)
 def test_speed_is_respected(name):
     motion = make_reference(name, speed=0.4, frequency=1.0).sample(T, seed=1)
     assert np.hypot(*motion.rate[:2]).max() <= 0.4 * 1.0001
@@ -146,3 +150,20 @@ def test_eased_parts_join_at_rest_and_at_their_times():
     steps = [np.abs(np.diff(np.array(m.rate), axis=1)).max() for m in (eased.sample(time),
              sequence.sample(time))]  # fmt: skip
     assert steps[0] < 2e-3 < 0.1 < steps[1]
+
+
+def test_a_square_comes_back_and_rests_between_its_sides():
+    square = make_reference("square", speed=0.3, frequency=0.5)
+    period = square.draw(np.random.default_rng(0))[0]
+    pose = np.array(square.sample(np.array([0.0, period, 2 * period])).pose)
+    np.testing.assert_allclose(pose, 0.0, atol=1e-9)
+    rate = np.abs(square.sample(T).rate)
+    assert np.count_nonzero(rate > 1e-9, axis=0).max() == 1  # one axis at a time
+    assert 0.1 < np.mean(rate.max(axis=0) == 0.0) < 0.4
+
+
+def test_a_joystick_stays_near_and_goes_on_after_its_period():
+    stick = make_reference("joystick", speed=0.4, frequency=1.5)
+    motion = stick.sample(np.arange(0.0, 300.0, 0.01), seed=2)
+    assert np.hypot(*motion.pose[:2]).max() < 6.0
+    assert np.abs(motion.rate)[:, -10000:].max() > 0.1

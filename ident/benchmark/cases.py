@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.benchmark.conditions import FIT_SECONDS, VERIFY_SECONDS, Conditions, record
+from ident.benchmark.foreign import Foreign
 from ident.benchmark.hidden import (
     EFFECTS,
     SLOW_DRIVE,
@@ -50,6 +51,7 @@ class Case:
         size: of each, 1 being ``FULL``.
         number: tells robots with the same secret apart.
         seed: of the benchmark.
+        foreign: whether it is recorded as another laboratory might.
     """
 
     part: str
@@ -57,11 +59,13 @@ class Case:
     size: float
     number: int
     seed: int
+    foreign: bool = False
 
     @property
     def key(self) -> str:
         """What picks the chance of the case: all but its size."""
-        return f"{self.part}/{'+'.join(self.hidden) or 'none'}/{self.number:03d}"
+        key = f"{self.part}/{'+'.join(self.hidden) or 'none'}/{self.number:03d}"
+        return f"foreign/{key}" if self.foreign else key
 
     @property
     def id(self) -> str:
@@ -81,6 +85,7 @@ class Recorded:
         fit: record that the diagnosis gets, 112 s.
         verify: another record of the same robot, 48 s, that only verifies.
         truth: the robot with what is hidden in it.
+        measured: the same with how its rows came to be; what an answer can reach on ``verify``.
         exact: whether ``truth`` is all there is; a robot with real rollers is more.
         share: of the rms torque that each hidden effect is worth.
         conditions: how both were recorded.
@@ -89,6 +94,7 @@ class Recorded:
     fit: Log
     verify: Log
     truth: Model
+    measured: Model
     exact: bool
     share: dict[str, float]
     conditions: Conditions
@@ -105,6 +111,8 @@ class Plan:
         pairs: robots with two effects.
         rollers: robots with real rollers; three in eight hide nothing.
         roller_sizes: sizes of what is hidden in them.
+        roller_outside: robots with real rollers and something outside the library.
+        foreign: whether all are recorded as another laboratory might.
     """
 
     seeds: int = 20
@@ -114,9 +122,14 @@ class Plan:
     pairs: int = 100
     rollers: int = 40
     roller_sizes: tuple[float, ...] = (1.0,)
+    roller_outside: int = 0
+    foreign: bool = False
 
     def cases(self, seed: int) -> list[Case]:
         """All cases, those of one structure next to each other."""
+        return [replace(case, foreign=self.foreign) for case in self._cases(seed)]
+
+    def _cases(self, seed: int) -> list[Case]:
         found = [Case("nothing", (), 0.0, k, seed) for k in range(self.nothing)]
         found += self._grid("single", EFFECTS, self.sizes, seed)
         found += self._grid("outside", [e.identifier for e in OUTSIDE], self.other_sizes, seed)
@@ -128,6 +141,9 @@ class Plan:
         for k in range(self.rollers - quiet):
             hidden = (ROLLER_EFFECTS[k % len(ROLLER_EFFECTS)],)
             found += [Case("rollers", hidden, s, k, seed) for s in self.roller_sizes]
+        strange = [e.identifier for e in OUTSIDE]
+        for k in range(self.roller_outside):
+            found.append(Case("rollers", (strange[k % len(strange)],), 1.0, k, seed))
         return found
 
     def _grid(self, part, effects, sizes, seed) -> Iterator[Case]:
@@ -138,6 +154,7 @@ class Plan:
 
 
 FULL_PLAN = Plan()
+FOREIGN_PLAN = Plan(seeds=4, nothing=100, pairs=20, rollers=48, roller_outside=24, foreign=True)
 QUICK_PLAN = Plan(seeds=1, sizes=(1.0,), other_sizes=(1.0,), nothing=6, pairs=2, rollers=2)
 
 
@@ -162,11 +179,14 @@ def alike(one: str, other: str) -> bool:
 def record_case(case: Case) -> Recorded:
     """Draw the robot and what is hidden in it, scale that, and record twice."""
     body, how, secret, first, second = case.children(5)
-    conditions = Conditions.draw(np.random.default_rng(how), fast=_needs_speed(case))
+    drawn_from = Foreign if case.foreign else Conditions
+    conditions = drawn_from.draw(np.random.default_rng(how), fast=_needs_speed(case))
     if case.part == "rollers":
         from ident.benchmark.rolling import draw_rolling_robot
 
-        conditions = replace(conditions, rate=100.0, jitter=0.0)
+        # Real wheels creep by themselves.
+        only = {"creep": None} if case.foreign else {"rate": 100.0}
+        conditions = replace(conditions, jitter=0.0, **only)
         robot = draw_rolling_robot(body)
     else:
         (robot,) = draw_robots(1, body)
@@ -178,8 +198,11 @@ def record_case(case: Case) -> Recorded:
     amounts = [(hidden, amount) for hidden, (amount, _) in zip(drawn, found, strict=True)]
     truth = replace(hide(robot, amounts), name="truth")
     share = {name: part for name, (_, part) in zip(case.hidden, found, strict=True)}
-    fit, verify = _record_both(case, truth, conditions, first, second)
-    return Recorded(fit, verify, truth, case.part != "rollers", share, conditions)
+    motions = (("fit", conditions.fitting(), FIT_SECONDS, first),
+               ("verify", conditions.verifying(), VERIFY_SECONDS, second))  # fmt: skip
+    fit, verify = (_record(case, truth, conditions, *motion) for motion in motions)
+    measured = conditions.driven(truth, second=True).with_effects(conditions.of_recording())
+    return Recorded(fit, verify, truth, measured, case.part != "rollers", share, conditions)
 
 
 def record_experiment(case: Case, recorded: Recorded, motion: str) -> Log:
@@ -193,10 +216,9 @@ def record_experiment(case: Case, recorded: Recorded, motion: str) -> Log:
     child = case.children(7)[6]
     conditions = recorded.conditions
     times = conditions.times(SECONDS, np.random.default_rng(child))
-    return record(
-        "experiment", recorded.truth, menu()[motion], times, Sensors(), child,
-        conditions.loop_rate, conditions.row,
-    )  # fmt: skip
+    robot = conditions.driven(recorded.truth, second=False)
+    log = record("experiment", robot, menu()[motion], times, Sensors(), child, conditions)
+    return conditions.kept(log, np.random.default_rng(child.spawn(1)[0]))
 
 
 def scale(
@@ -215,7 +237,7 @@ def scale(
     times = even.times(FIT_SECONDS, np.random.default_rng(seed))
 
     def drive(model: Model) -> Log:
-        return record("exact", model, conditions.reference(), times, IDEAL, seed, loop_rate=None)
+        return record("exact", model, conditions.fitting(), times, IDEAL, seed)
 
     amount, share = amount_for(FULL, hidden, robot, drive)
     return (amount, share) if size == 1.0 else amount_for(size * share, hidden, robot, drive)
@@ -225,17 +247,13 @@ def _needs_speed(case: Case) -> bool:
     return bool(set(case.hidden) & set(SLOW_DRIVE))
 
 
-def _record_both(case: Case, truth: Model, conditions: Conditions, first, second):
-    motions = (
-        ("fit", conditions.reference(), FIT_SECONDS, first),
-        ("verify", conditions.verifying(), VERIFY_SECONDS, second),
-    )
-    loops = conditions.loop_rate, conditions.row
-    for name, motion, seconds, seed in motions:
-        if case.part == "rollers":
-            from ident.benchmark.rolling import record_rolling
+def _record(case, truth, conditions, name, motion, seconds, seed) -> Log:
+    robot = conditions.driven(truth, second=name == "verify")
+    if case.part == "rollers":
+        from ident.benchmark.rolling import record_rolling
 
-            yield record_rolling(name, truth, motion, seconds, seed, *loops)
-        else:
-            times = conditions.times(seconds, np.random.default_rng(seed))
-            yield record(name, truth, motion, times, Sensors(), seed, *loops)
+        log = record_rolling(name, robot, motion, seconds, seed, conditions)
+    else:
+        times = conditions.times(seconds, np.random.default_rng(seed))
+        log = record(name, robot, motion, times, Sensors(), seed, conditions)
+    return conditions.kept(log, np.random.default_rng(seed.spawn(1)[0]))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
 from ident.log import Log
+from youbot_env.measurement import HELD, HOLDS, instruments
 from youbot_env.model import Model
 from youbot_env.references import Reference, SmoothRandom, calibration_sequence
 from youbot_env.simulation import Sensors, record_closed_loop
@@ -66,7 +68,34 @@ class Conditions:
         """Return the conditions by name."""
         return asdict(self)
 
-    def reference(self, seconds: float = FIT_SECONDS) -> Reference:
+    @property
+    def second(self) -> bool:
+        """Whether the diagnosis gets the verifying record."""
+        return True
+
+    def of_recording(self) -> dict[str, dict[str, float]]:
+        """Effects of the recording, by identifier, that undo what was done to the rows."""
+        row = HELD if self.loop_rate is None else self.row
+        return {"drive_hold": {"kind": HOLDS.index(row)}}
+
+    def rows(self, robot: Model) -> dict[str, Any]:
+        """Arguments of ``record_closed_loop`` and ``record_motion`` that make the rows."""
+        effects = robot.with_effects(self.of_recording()).effects
+        return {
+            "loop_rate": self.loop_rate,
+            "row": self.row,
+            "instrument": instruments(effects, robot.platform),
+        }
+
+    def driven(self, robot: Model, second: bool) -> Model:
+        """The robot as it is in the record, or in the second one: floor, load, battery."""
+        return robot
+
+    def kept(self, log: Log, rng: np.random.Generator) -> Log:
+        """What of a record is left in the file."""
+        return log
+
+    def fitting(self, seconds: float = FIT_SECONDS) -> Reference:
         """Return the motion of the record that is fitted."""
         if self.motion == "calibration":
             return calibration_sequence(self.speed, self.frequency, seconds)
@@ -90,15 +119,20 @@ def record(
     times: np.ndarray,
     sensors: Sensors,
     seed: np.random.SeedSequence,
-    loop_rate: float | None = LOOP_RATE,
-    row: str = "sampled",
+    conditions: Conditions | None = None,
 ) -> Log:
     """Drive a robot on its wheel-speed loops and return what its sensors show.
 
-    See ``record_closed_loop`` for ``loop_rate`` and ``row``.
+    Args:
+        name: of the log.
+        robot: the true robot.
+        reference: the motion.
+        times: (N,) of the rows, s.
+        sensors: their noise.
+        seed: of motion and noise.
+        conditions: how it is recorded; None: loops at the rate of the log, each torque held.
     """
     number = int(seed.generate_state(1)[0])
-    channels = record_closed_loop(
-        robot, reference, times, sensors, seed=number, loop_rate=loop_rate, row=row
-    )
+    how = {} if conditions is None else conditions.rows(robot)
+    channels = record_closed_loop(robot, reference, times, sensors, seed=number, **how)
     return Log(name, robot.platform, **channels)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.benchmark.conditions import LOOP_RATE
+from ident.benchmark.conditions import Conditions
 from ident.benchmark.robots import draw_robots
 from ident.log import Log
 from youbot_env.channels import channel_columns
@@ -35,16 +35,12 @@ def record_rolling(
     motion: Reference,
     seconds: float,
     seed: np.random.SeedSequence,
-    loop_rate: float | None = LOOP_RATE,
-    row: str = "sampled",
+    conditions: Conditions,
 ) -> Log:
-    """Drive a robot with real rollers and return what its sensors show.
-
-    See ``record_motion`` for ``loop_rate`` and ``row``.
-    """
-    plant, number = RollersPlant(robot, 1 / RATE), int(seed.generate_state(1)[0])
+    """Drive a robot with real rollers and return what its sensors show."""
+    plant, number = RollersPlant(robot, 1 / conditions.rate), int(seed.generate_state(1)[0])
     columns = record_motion(
-        plant, motion, seconds, None, Sensors(), number, loop_rate=loop_rate, row=row
+        plant, motion, seconds, None, Sensors(), number, **conditions.rows(robot)
     )
     names = channel_columns(robot.platform)
     channels = {

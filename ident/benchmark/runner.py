@@ -16,6 +16,7 @@ import numpy as np
 from ident.benchmark.cases import Case, Recorded, record_case, record_experiment
 from ident.benchmark.methods import METHODS
 from ident.benchmark.store import Store
+from ident.diagnosis.parts import choosing_until
 from ident.free_run import free_run
 
 Task = tuple[str, Case]
@@ -95,19 +96,25 @@ def examine(method: str, case: Case, methods: dict[str, Method] = METHODS) -> di
         kept |= _facts(recorded)
         seed = int(case.children(6)[5].generate_state(1)[0])
         start = time.perf_counter()
-        answer = methods[method](recorded.fit, recorded.verify, seed)
+        verify = recorded.verify if recorded.conditions.second else None
+        answer = methods[method](recorded.fit, verify, seed)
         kept |= {"seconds": time.perf_counter() - start, "answer": answer}
         experiment = answer.get("experiment")
         if answer["verdict"] == "ambiguous" and experiment and recorded.exact:
             more = record_experiment(case, recorded, experiment["motion"])
-            kept["followed"] = methods[method]([recorded.fit, more], recorded.verify, seed)
+            kept["followed"] = methods[method]([recorded.fit, more], verify, seed)
     except Exception:  # whatever it is, it belongs to this case and not to the run
         kept["error"] = traceback.format_exc()
     return plain(kept)
 
 
 def _facts(recorded: Recorded) -> dict[str, Any]:
-    oracle = free_run(recorded.verify, recorded.truth).nrmse if recorded.exact else None
+    oracle = None
+    if recorded.exact:
+        # On the part of the record that the answer's errors are of.
+        verify = recorded.verify
+        kept = verify.part(choosing_until(verify), verify.time[-1])
+        oracle = free_run(kept, recorded.measured).nrmse
     return {
         "truth": {active.identifier: active.values for active in recorded.truth.effects},
         "share": recorded.share,

@@ -24,8 +24,8 @@ class TrackingSettings:
     Attributes:
         model: the true robot: a model, a model file, or ``nominal`` or ``paper``.
         action_level: ``torque`` or ``velocity``.
-        reference: a name (circle, eight, multisine, step, smooth_random, I, II, III, IV,
-            calibration) or a ``Reference``.
+        reference: a name (circle, eight, multisine, step, smooth_random, joystick, square, I,
+            II, III, IV, calibration) or a ``Reference``.
         reference_options: arguments of a named reference, e.g. ``{"speed": (0.1, 0.5)}``.
         dt: control period, s; actions are held.
         preview: number of future reference twists in the observation.

@@ -18,6 +18,7 @@ from youbot_env.references.designed import Fourier, MotionFileError, load_motion
 from youbot_env.references.eased import Eased
 from youbot_env.references.harmonic import Circle, Eight, Harmonic, Multisine, SmoothRandom
 from youbot_env.references.step import Step
+from youbot_env.references.strokes import Joystick, Square
 
 __all__ = [
     "REFERENCES",
@@ -26,6 +27,7 @@ __all__ = [
     "Eight",
     "Fourier",
     "Harmonic",
+    "Joystick",
     "Motion",
     "MotionFileError",
     "MotionI",
@@ -36,6 +38,7 @@ __all__ = [
     "Reference",
     "Sequence",
     "SmoothRandom",
+    "Square",
     "Step",
     "calibration_sequence",
     "load_motion",
@@ -50,6 +53,8 @@ REFERENCES = {
     "multisine": Multisine,
     "step": Step,
     "smooth_random": SmoothRandom,
+    "joystick": Joystick,
+    "square": Square,
     "I": MotionI,
     "II": MotionII,
     "III": MotionIII,

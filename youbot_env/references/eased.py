@@ -50,11 +50,11 @@ class Eased(Reference):
         """See the base class; pace and its derivative come from the chain rule."""
         if self.seconds == 0:
             return self.of.evaluate(values, t, ops)
-        phase, pace, change = self._step(t, ops)
+        phase, pace, change = smooth_step(t, self.seconds, ops)
         for number, joint in enumerate(self.of.joints):
             fall = joint + number * self.seconds
             for sign, start in ((-1.0, fall), (1.0, fall + self.seconds)):
-                parts = self._step(t - start, ops)
+                parts = smooth_step(t - start, self.seconds, ops)
                 phase, pace, change = (
                     whole + sign * part
                     for whole, part in zip((phase, pace, change), parts, strict=True)
@@ -67,11 +67,12 @@ class Eased(Reference):
             tuple(pace * pace * second + change * rate for rate, second in pairs),
         )
 
-    def _step(self, t, ops: Ops) -> tuple:
-        """A pace that begins to rise at time zero: its integral, s, itself, and its rate, 1/s."""
-        t = ops.maximum(t, 0.0)
-        s = ops.minimum(t / self.seconds, 1.0)
-        cube, left = s * s * s, 1.0 - s
-        phase = t + self.seconds * (cube * s * (2.5 - 3.0 * s + s * s) - s)
-        pace = cube * (10.0 - 15.0 * s + 6.0 * s * s)
-        return phase, pace, 30.0 * s * s * left * left / self.seconds
+
+def smooth_step(t, seconds: float, ops: Ops) -> tuple:
+    """A pace that rises from 0 to 1 after time zero: its integral, s, itself, its rate, 1/s."""
+    t = ops.maximum(t, 0.0)
+    s = ops.minimum(t / seconds, 1.0)
+    cube, left = s * s * s, 1.0 - s
+    phase = t + seconds * (cube * s * (2.5 - 3.0 * s + s * s) - s)
+    pace = cube * (10.0 - 15.0 * s + 6.0 * s * s)
+    return phase, pace, 30.0 * s * s * left * left / seconds
