@@ -16,6 +16,7 @@ from youbot_env.references import calibration_sequence
 from youbot_env.simulation import AnalyticPlant, Sensors
 
 SPEED, FREQUENCY, DT = 0.35, 1.0, 0.01
+LOOP_RATE = 1000.0  # Hz, as on a robot; the log shows every tenth step
 
 
 def record(subject: Subject, seconds: float) -> Log:
@@ -26,7 +27,9 @@ def record(subject: Subject, seconds: float) -> Log:
     else:
         Plant = AnalyticPlant
     seed = int(np.random.SeedSequence(subject.seed).spawn(1)[0].generate_state(1)[0])
-    columns = record_motion(Plant(subject.truth, DT), motion, seconds, None, Sensors(), seed)
+    columns = record_motion(
+        Plant(subject.truth, DT), motion, seconds, None, Sensors(), seed, loop_rate=LOOP_RATE
+    )
     names = channel_columns(subject.truth.platform)
     channels = {
         channel: np.column_stack([columns[name] for name in names[channel]])
