@@ -96,7 +96,7 @@ def lead(fit: OutputError, number: int) -> tuple[float, float]:
     others = columns[:, free.directions[at] == 0]
     scale = np.maximum(np.linalg.norm(others, axis=0), 1e-300)
     alone = trace - others @ (np.linalg.lstsq(others / scale, trace, rcond=WEAK)[0] / scale)
-    floor = noise_floor(sim, scaled.weights[0])[0]
+    floor = noise_floor(sim).of(scaled.weights[0])
     left = max(2 * scaled.cost - len(scaled.error) * floor, 0.0)
     share = ALIGNED[0 if wheels_agree(sim.log) else 1]
     size = max(float(np.linalg.norm(alone)), 1e-300)

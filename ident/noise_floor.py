@@ -1,39 +1,67 @@
-"""How small the free-run error of a log could be: what its sensors' noise alone leaves."""
+"""How small the free-run error of a log could be: what noise of sensors and drive leaves."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from ident.contradiction import rolling_variance
+from ident.drive_noise import lasting_noise
 from ident.scaled_fit import settled
 from ident.sensitivity import Linearised
 from ident.white_noise import white_variance
 
+# Draws of noise that lasts, which holds few independent values.
+DRAWS = 4
 
-def noise_floor(sim: Linearised, weights: np.ndarray) -> tuple[float, np.ndarray]:
-    """Mean squared free-run error from the noise of outputs and drive input.
 
-    Both are read off second differences, which motion does not reach.  The drive's carries what
-    the wheel loops make of the wheels' noise, which the robot really feels: the floor is rather
-    too high than too low.
+class NoiseFloor(NamedTuple):
+    """Mean squared free-run errors that noise leaves, in the squared units of the outputs.
 
-    Returns:
-        Weighted as ``scaled_error`` is; and (m,) variances in the units of the outputs.
+    Attributes:
+        white: (m,) from white noise of outputs and drive input.
+        lasting: (m,) from noise of the drive input that lasts.
+    """
+
+    white: np.ndarray
+    lasting: np.ndarray
+
+    def of(self, weights: np.ndarray) -> float:
+        """All of it, weighted as ``scaled_error`` is."""
+        return float(np.mean((self.white + self.lasting) * weights**2))
+
+
+def noise_floor(sim: Linearised) -> NoiseFloor:
+    """Free-run errors from the noise of outputs and drive input.
+
+    White noise is read off second differences, which motion does not reach; see ``drive_noise`` for
+    what lasts.  The drive's carries what the wheel loops make of the wheels' noise, which the robot
+    really feels: the floor is rather too high than too low.
     """
     log = sim.log
     shown = log.wheel_velocity if log.body_velocity is None else log.body_velocity
-    own = white_variance(log, shown)
     known = log.drive_noise
     drive = white_variance(log, log.command) if known is None else known**2
     rng = np.random.default_rng(0)
     torque = np.sqrt(drive)[:, None] * rng.normal(size=(len(drive), sim.time.size))
-    wrench = log.platform.jacobian_array.T @ torque
-    followed = settled(sim, sim.force_columns([wrench])[..., 0])
-    total = own + np.mean(followed**2, axis=(0, 1))
-    return float(np.mean(total * weights**2)), total
+    white = white_variance(log, shown) + _followed(sim, [torque])
+    lasting = lasting_noise(log)
+    if not lasting.size:
+        return NoiseFloor(white, np.zeros_like(white))
+    steps = sim.windows.step.reshape(sim.shape)
+    drawn = [lasting.draw(steps, len(drive), rng) for _ in range(DRAWS)]
+    return NoiseFloor(white, _followed(sim, drawn))
 
 
-def velocity_floor(sim: Linearised, spread: np.ndarray) -> tuple[float, float]:
+def _followed(sim: Linearised, torques: list[np.ndarray]) -> np.ndarray:
+    """(m,) mean squared errors from torques (n, W L) of each draw."""
+    jacobian = sim.log.platform.jacobian_array
+    followed = settled(sim, sim.force_columns([jacobian.T @ torque for torque in torques]))
+    return np.mean(followed**2, axis=(0, 1, 3))
+
+
+def velocity_floor(sim: Linearised, spread: np.ndarray) -> tuple[float, float, float]:
     """Free-run errors of body velocities that are no fault of a model, as shares of ``spread``.
 
     Args:
@@ -41,11 +69,12 @@ def velocity_floor(sim: Linearised, spread: np.ndarray) -> tuple[float, float]:
         spread: (3,) rms of the motion, m/s, m/s, rad/s.
 
     Returns:
-        What the noise of the sensors leaves, and what real rollers and slip may leave besides.
+        What white noise leaves, what noise of the drive that lasts leaves, and what real rollers
+        and slip may leave besides.
     """
     log, found = sim.log, []
-    for variance in (noise_floor(sim, np.ones(sim.residual.shape[-1]))[1], rolling_variance(log)):
+    for variance in (*noise_floor(sim), rolling_variance(log)):
         if log.body_velocity is None:
             variance = np.linalg.pinv(log.platform.jacobian_array) ** 2 @ variance
         found.append(float(np.sqrt(np.mean(variance / spread**2))))
-    return found[0], found[1]
+    return found[0], found[1], found[2]

@@ -216,7 +216,7 @@ def test_held_out_gain_of_pure_noise_is_nothing(quiet):
     assert np.all((adjusted > 0) & (adjusted <= 1))
     again = evidence.p_values(0)[1]
     assert np.array_equal(adjusted, again)
-    floor = noise_floor(simulations[0], parts[0].weights)[0]
+    floor = noise_floor(simulations[0]).of(parts[0].weights)
     error = np.mean(scaled_error(simulations[0], parts[0].weights) ** 2)
     assert 0.5 * error < floor < 2.0 * error
 

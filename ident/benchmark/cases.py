@@ -184,9 +184,8 @@ def record_case(case: Case) -> Recorded:
     if case.part == "rollers":
         from ident.benchmark.rolling import draw_rolling_robot
 
-        # Real wheels creep by themselves.
-        only = {"creep": None} if case.foreign else {"rate": 100.0}
-        conditions = replace(conditions, jitter=0.0, **only)
+        if not case.foreign:
+            conditions = replace(conditions, rate=100.0, jitter=0.0)
         robot = draw_rolling_robot(body)
     else:
         (robot,) = draw_robots(1, body)

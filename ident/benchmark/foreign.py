@@ -3,7 +3,7 @@
 What the estimators take for granted where a log comes from this project's own defaults is drawn
 here: loops that run at any rate, rows that are held, sampled or averaged, filters, clocks that are
 off, coarse steps, torque noise that lasts, motions of a hand, channels that are missing, a second
-record that carries or climbs something else, wheels that creep, real rollers.
+record that carries or climbs something else.
 """
 
 from __future__ import annotations
@@ -36,9 +36,7 @@ FAULTY = 0.4
 LASTING, NOISE, CORRELATION = 0.25, (0.02, 0.08), (0.05, 0.3)
 # What may be another in the verifying record: load, kg, slope, rad, share of the torque.
 DIFFERENCES = (("load", 2.0, 6.0), ("slope", 0.004, 0.012), ("battery", 0.90, 0.96))
-POSE, REFERENCE, SECOND, DIFFERS, CREEPS = 0.7, 0.6, 0.8, 0.25, 0.25
-# A floor on which the wheels of a record creep, as a friction coefficient.
-CREEP = (0.5, 0.9)
+POSE, REFERENCE, SECOND, DIFFERS = 0.7, 0.6, 0.8, 0.25
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,6 @@ class Foreign(Conditions):
         second: whether there is a verifying record.
         differs: what of the robot is another in the verifying record: ``load`` (kg), ``slope``
             (rad) or ``battery`` (share of the torque), with its size, or None.
-        creep: friction coefficient of the floor, on which wheels creep, or None.
     """
 
     second_motion: str = "smooth_random"
@@ -65,7 +62,6 @@ class Foreign(Conditions):
     reference: bool = True
     second: bool = True
     differs: tuple[str, float] | None = None
-    creep: float | None = None
 
     @classmethod
     def draw(cls, rng: np.random.Generator, fast: bool = False) -> Foreign:
@@ -106,7 +102,6 @@ class Foreign(Conditions):
             reference=rng.uniform() < REFERENCE,
             second=rng.uniform() < SECOND,
             differs=differs if rng.uniform() < DIFFERS else None,
-            creep=round(float(rng.uniform(*CREEP)), 2) if rng.uniform() < CREEPS else None,
         )
 
     def fitting(self, seconds: float = FIT_SECONDS) -> Reference:
@@ -135,8 +130,6 @@ class Foreign(Conditions):
         """See the base class."""
         present = {active.identifier for active in robot.effects}
         extra = {}
-        if self.creep is not None:
-            extra["wheel_slip"] = {"f": self.creep}
         if second and self.differs is not None:
             kind, size = self.differs
             if kind == "load":

@@ -1,7 +1,7 @@
 """What one answer is worth: was something named, was it right, did it help.
 
 Names of effects that real rollers are known to bring (ripple, slip) neither count for nor against
-an answer about a robot with real rollers, or whose wheels creep.
+an answer about a robot with real rollers.
 """
 
 from __future__ import annotations
@@ -67,8 +67,7 @@ def score(record: dict[str, Any], at_last: bool = False) -> Score:
     answer, hidden = record["answer"], tuple(record["hidden"])
     if at_last and record.get("followed"):
         answer = record["followed"]
-    creeps = record.get("conditions", {}).get("creep") is not None
-    rolling = ROLLING if record["part"] == "rollers" or creeps else ()
+    rolling = ROLLING if record["part"] == "rollers" else ()
     steps = [step for step in answer["named"] if step["effect"] not in rolling]
     names = tuple(step["effect"] for step in steps)
     groups = [set(step["group"]) | {step["effect"]} for step in steps]

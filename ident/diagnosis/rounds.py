@@ -29,6 +29,8 @@ TELLING, OUTSIDE = 0.15, 0.6
 # Where the wheels agree with each other: errors from this many times the noise on are not noise,
 # and effects that leave more than this share of such an error are not what is missing.
 UNEXPLAINED, REMAINDER = 3.0, 0.3
+# Squared error beyond that of noise, in units of the latter, that noise is no excuse for.
+CLEAR = 0.3
 # Chance below which the error of windows goes with how the robot moves in them.
 STEADY = 0.01
 
@@ -79,7 +81,7 @@ class Round:
         gains = np.array([gain_of(evidence, k) for k in range(len(evidence.columns))])
         weights = parts[0].weights
         rolling = float(np.mean(rolling_variance(parts[0].log) * weights**2))
-        noise = noise_floor(simulations[0], weights)[0]
+        noise = noise_floor(simulations[0]).of(weights)
         p = evidence.p_values(seed)[1]
         loss = window_losses(parts, simulations)
         error = float(loss[evidence.role == FIT].mean())
@@ -187,6 +189,8 @@ class Round:
     def dependences(self) -> list[tuple[str, float]]:
         """Signals that a generic dependence is found on, and its gain, strongest first."""
         best: dict[str, float] = {}
+        if self.error < (1.0 + CLEAR) * self.noise:  # measured torques depend on their own noise
+            return []
         gains, p = self._general
         for dependence, share, chance in zip(self.generic, gains, p, strict=True):
             gain = share * min(1.0, self.error / self.unexplained)

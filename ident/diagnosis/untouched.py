@@ -10,8 +10,10 @@ import numpy as np
 from ident.contradiction import wheels_agree
 from ident.diagnosis.parts import FEWEST, VERIFY, Part
 from ident.diagnosis.rivals import Refits
+from ident.diagnosis.rounds import CLEAR
 from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, with_steps, without
+from ident.drive_noise import NO_NOISE, LastingNoise, lasting_noise
 from ident.free_run import free_run
 from ident.noise_floor import velocity_floor
 from ident.output_error import OutputError
@@ -19,8 +21,6 @@ from ident.sensitivity import Linearised, window_length
 from youbot_env.model import Model
 
 DRAWS = 2000
-# Squared error beyond that of noise, in units of the latter, that noise is no excuse for.
-CLEAR = 0.3
 # An error of this share is that of a model that says nothing: the mean of the motion, or no force.
 WHOLE = 1.0
 
@@ -35,22 +35,26 @@ class FreeRunErrors:
         names: of the effect that each model has more than the one before; empty for the base.
         nrmse: of each model.
         axes: (models, 3) rms errors, m/s, m/s, rad/s.
-        floor: what sensor noise alone leaves.
+        white: what white noise of the sensors and of the drive leaves.
+        lasting: what noise of the drive that lasts leaves.
         rolling: what real rollers and slip may leave besides, as far as the wheels contradict each
             other.
         drop_ci95: interval of the share by which the last is smaller than the first.
         windows: number of windows behind it.
         by_force: whether forces at the measured motion are judged, not free runs.
+        drive_noise: noise of the drive that lasts.
     """
 
     names: tuple[str, ...]
     nrmse: tuple[float, ...]
     axes: np.ndarray
-    floor: float
+    white: float
+    lasting: float
     rolling: float
     drop_ci95: tuple[float, float]
     windows: int
     by_force: bool = False
+    drive_noise: LastingNoise = NO_NOISE
 
     @property
     def what(self) -> str:
@@ -104,11 +108,26 @@ class FreeRunErrors:
         squares = np.array(self.nrmse) ** 2
         shares = dict(zip(self.names[1:], (squares[:-1] - squares[1:]).tolist(), strict=True))
         left = float(squares[-1])
-        for name, size in (("sensor noise", self.floor), ("rolling", self.rolling)):
+        excuses = (("white noise", self.white), ("lasting noise of the drive", self.lasting),
+                   ("rolling", self.rolling))  # fmt: skip
+        for name, size in excuses:
             shares[name] = min(size**2, left)
             left -= shares[name]
         shares["remainder"] = left
         return {name: share / float(squares[0]) for name, share in shares.items()}
+
+    @property
+    def floor(self) -> float:
+        """What noise leaves."""
+        return float(np.hypot(self.white, self.lasting))
+
+    @property
+    def excuse(self) -> str:
+        """What noise and rolling leave, in words."""
+        said = f"{100 * self.floor:.3g} % of noise"
+        if self.lasting > self.white:
+            said += f" (of the drive, {self.drive_noise})"
+        return said + (f" and the {100 * self.rolling:.2g} % of rolling" if self.rolling else "")
 
     @property
     def _excused(self) -> float:
@@ -123,6 +142,11 @@ class FreeRunErrors:
             "before": self.before,
             "after": self.after,
             "noise_floor": self.floor,
+            "drive_noise": {
+                "nrmse": self.lasting,
+                "size": self.drive_noise.size,
+                "time": self.drive_noise.time,
+            },
             "rolling": self.rolling,
             "account": self.account,
             "drop_ci95": list(self.drop_ci95),
@@ -158,6 +182,7 @@ def free_run_errors(
         (float(low), float(high)),
         by_window.shape[1],
         by_force,
+        lasting_noise(simulation.log),
     )
 
 

@@ -231,7 +231,6 @@ def _judge(
     names = ", ".join(step.best.identifier for step in real)
     left = max(last.excess / max(first.excess, 1e-300), errors.left)
     clear = last.excess > last.floor or errors.clear
-    rolling = "" if first.wheels_agree else f" and the {100 * errors.rolling:.2g} % of rolling"
     if not errors.bounded:
         return "cannot_say", (
             f"the simulation explains nothing of these logs ({fall}): what they hold does not "
@@ -245,19 +244,22 @@ def _judge(
             "better `record.py --motion calibration`"
         )
     if outside:
-        return "outside_library", f"the error depends on {signals}, as no effect explains"
+        return "outside_library", (
+            f"the {errors.what}, {100 * errors.after:.3g} % beside {errors.excuse}, depends on "
+            f"{signals}, as no effect explains"
+        )
     told = bool(last.dependences())
     if not real and last.excess > UNEXPLAINED * last.floor:
         far = (
             f"the {errors.what}, {100 * errors.after:.3g} %, is far above the "
-            f"{100 * errors.floor:.3g} % of white noise{rolling}, and no effect lowers it"
+            f"{errors.excuse}, and no effect lowers it"
         )
         if told:
             return "outside_library", f"{far}; it depends on {signals}"
-        # Lasting noise of the drive does not go with the motion; something that swings by itself
-        # need not either.
+        # Noise of the drive that all wheels share does not go with the motion; something that
+        # swings by itself need not either.
         like = (
-            "it is alike at all times, as lasting noise of the drive is, or something that swings"
+            "it is alike at all times, as noise of the drive or something that swings is"
             if last.steady
             else "it goes with the motion"
         )
@@ -272,7 +274,8 @@ def _judge(
                     if s.recording)  # fmt: skip
         return "nothing_missing", (
             f"no effect removes {100 * LEAST_GAIN:.0f} % of the squared error where it was not "
-            f"fitted{background}"
+            f"fitted; the {errors.what} is {100 * errors.after:.3g} %, beside "
+            f"{errors.excuse}{background}"
         )
     if errors.remaining[-1] >= 1.0 or errors.after >= errors.before:
         return "cannot_say", (
@@ -287,8 +290,8 @@ def _judge(
         )
     if left > REMAINDER and clear:
         return "outside_library", (
-            f"{names} fit best, but leave {100 * left:.0f} % of what noise{rolling} cannot explain "
-            f"({fall}); it depends on {signals}"
+            f"{names} fit best, but leave {100 * left:.0f} % of what noise cannot explain "
+            f"({fall}, beside {errors.excuse}); it depends on {signals}"
         )
     for step in real:
         for rival in get_effect(step.best.identifier).confusables:
@@ -298,11 +301,14 @@ def _judge(
                     f"{names} fits, but {rival}, which looks alike, could not be tried: {why} "
                     f"({fall})"
                 )
-    rest = ""
+    rest = f", beside {errors.excuse}"
     if clear and left > WORTH_TELLING:
-        rest = f"; {100 * left:.0f} % of what noise{rolling} cannot explain is left"
+        rest += f"; {100 * left:.0f} % of what noise cannot explain is left"
         rest += f" and depends on {signals}" if told else ""
     doubtful = [step for step in real if len(step.group) > 1]
     if doubtful:
-        return "ambiguous", f"{', '.join(doubtful[0].group)} explain the log alike; {fall}{rest}"
+        return (
+            "ambiguous",
+            f"{', '.join(doubtful[0].group)} explain the log alike; {fall}{rest}",
+        )
     return "named", f"{names}; {fall}{rest}"
