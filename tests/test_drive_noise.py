@@ -25,7 +25,7 @@ def recorded(noise=0.0, correlation=0.15, sensors=None, effects=None, seed=1, **
     return how.kept(log, np.random.default_rng(seed))
 
 
-@pytest.mark.parametrize("size, time", [(0.03, 0.1), (0.06, 0.15), (0.08, 0.3)])
+@pytest.mark.parametrize(("size", "time"), [(0.03, 0.1), (0.06, 0.15), (0.08, 0.3)])
 @pytest.mark.parametrize("effects", [None, {"wheel_coulomb_friction": 0.2, "torque_ripple": None}])
 def test_size_and_time_of_noise_that_lasts(size, time, effects):
     found = lasting_noise(recorded(size, time, effects=effects))
