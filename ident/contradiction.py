@@ -27,6 +27,12 @@ def wheels_agree(log: Log) -> bool:
     return found is not None and found[0] < CONTRADICTION * found[1]
 
 
+def roll_as_told(log: Log) -> bool:
+    """Tell whether the wheels move as ideal ones of the platform's radii do, within their noise."""
+    found = _contradiction(log, whole=True)
+    return found is not None and found[0] < CONTRADICTION * found[1]
+
+
 def rolling_variance(log: Log) -> np.ndarray:
     """(m,) variances of the outputs that real rollers and slip may leave.
 
@@ -45,10 +51,14 @@ def rolling_variance(log: Log) -> np.ndarray:
     return np.linalg.pinv(log.platform.jacobian_array) ** 2 @ variance
 
 
-def _contradiction(log: Log) -> tuple[float, float] | None:
+def _contradiction(log: Log, whole: bool = False) -> tuple[float, float] | None:
     """Mean square of what contradicts rolling and what noise explains of it, (rad/s)^2.
 
     None where wheels cannot show it.
+
+    Args:
+        log: the record.
+        whole: with what is in proportion to the motion, as other radii make it.
     """
     if log.wheel_velocity is None:
         return None
@@ -58,6 +68,7 @@ def _contradiction(log: Log) -> tuple[float, float] | None:
         return None
     expected = float(np.mean(white_variance(log, log.wheel_velocity) @ free**2))
     contradiction = log.wheel_velocity @ free
-    motion = log.wheel_velocity @ np.linalg.pinv(jacobian).T
-    contradiction -= motion @ np.linalg.lstsq(motion, contradiction)[0]
+    if not whole:
+        motion = log.wheel_velocity @ np.linalg.pinv(jacobian).T
+        contradiction -= motion @ np.linalg.lstsq(motion, contradiction)[0]
     return float(np.mean(contradiction**2)), expected

@@ -1,7 +1,7 @@
 """What one answer is worth: was something named, was it right, did it help.
 
-Names of effects that real rollers are known to bring (ripple, slip) neither count for nor against
-an answer about a robot with real rollers.
+Groups that hold what was done to the recording, and in answers about robots with real rollers names
+of what these are known to bring (ripple, slip), count neither for nor against.
 """
 
 from __future__ import annotations
@@ -74,6 +74,11 @@ def score(record: dict[str, Any], at_last: bool = False) -> Score:
     accepted = [meant(identifier) for identifier in hidden]
     alike = set().union(*(lookalikes(identifier) for identifier in hidden))
     meant_by_any = set().union(*accepted)
+    # A group that holds what is wrong with the recording is a right answer about that.
+    fault = set((record.get("conditions", {}).get("fault") or ())[:1])
+    told = [k for k, group in enumerate(groups) if group & fault]
+    names, groups = ([x for k, x in enumerate(some) if k not in told] for some in (names, groups))
+    steps, names = [step for k, step in enumerate(steps) if k not in told], tuple(names)
     right = [bool(g & meant_by_any) or n in alike for n, g in zip(names, groups, strict=True)]
     exact = len(names) == len(hidden) and all(set(names) & wanted for wanted in accepted)
     before, after = (answer.get("free_run", {}).get(k) for k in ("before", "after"))
