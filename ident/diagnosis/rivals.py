@@ -295,7 +295,10 @@ def ranked(
     if chosen[0].at_bound:
         special = get_effect(best).contains
         chosen = chosen + [c for c in found if c.identifier in special and c not in chosen]
-    return [c for c in chosen if best not in get_effect(c.identifier).contains]
+    chosen = [c for c in chosen if best not in get_effect(c.identifier).contains]
+    # Where the spare parameter is not certain the simplest law of the family comes first.
+    simpler = get_effect(best).contains
+    return sorted(chosen, key=lambda c: c.identifier not in simpler)
 
 
 def _alike(

@@ -11,6 +11,7 @@ from scipy import stats
 from ident.contradiction import rolling_variance, wheels_agree
 from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.evidence import Evidence
+from ident.diagnosis.forces import feigned
 from ident.diagnosis.pairs import best_pair
 from ident.diagnosis.parts import FIT, SELECT, Part
 from ident.diagnosis.rivals import Candidate, candidate, ranked, window_losses
@@ -219,12 +220,15 @@ class Round:
         return 1.0 - found[0][1] / share < OUTSIDE * left
 
     def helps(self, found: Candidate) -> bool:
-        """Tell whether the refined effect still lowers the error of every kind of window."""
+        """Tell whether the refined effect still lowers the error of every kind of window.
+
+        The forces at the measured motion must not speak against it.
+        """
         roles = self.evidence.role
         kinds = [roles == role for role in (FIT, SELECT) if np.any(roles == role)]
         return all(
             found.loss[k].mean() < (1 - 0.5 * LEAST_GAIN) * self.loss[k].mean() for k in kinds
-        )
+        ) and not feigned(found.simulations, found.identifier)
 
     def _gain_of(self, found: Candidate) -> float:
         fitted = self.evidence.role == FIT

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ident.comparison import Regime, compare
 from ident.diagnosis.dependence import dependences
 from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
 from ident.diagnosis.fitness import unfit
+from ident.diagnosis.forces import ForceShare, confirmations
 from ident.diagnosis.judge import inertia_is_seen, judged_by_force
 from ident.diagnosis.parts import divide, weigh
 from ident.diagnosis.power import Reach, reach
@@ -57,6 +58,8 @@ class Diagnosis:
         chain: models from the base to the last, each with the effect that it has more.
         models: for each of them the model of every log, with its own record and instruments.
         recording: how the rows of every log came to be.
+        forces: by effect, for every log the share of it that forces at the measured motion confirm,
+            with its standard error, where they can.
     """
 
     log: str
@@ -74,6 +77,7 @@ class Diagnosis:
     chain: tuple[tuple[str, Model], ...] = ()
     models: tuple[tuple[Model, ...], ...] = ()
     recording: tuple[Instrument, ...] = ()
+    forces: dict[str, list[ForceShare]] = field(default_factory=dict)
 
     @property
     def named(self) -> tuple[Step, ...]:
@@ -102,6 +106,7 @@ class Diagnosis:
                     "size": {k: q.as_dict() for k, q in step.sizes(self.model).items()},
                     "p_adjusted": step.p,
                     "error_drop": drops.get(step.best.identifier),
+                    "forces": self.forces.get(step.best.identifier, []),
                 }
                 for step in self.named
             ],
@@ -170,6 +175,7 @@ def diagnose(
     steps.sort(key=lambda step: step.background)
     recording = told(records, fits, last)
     last = with_unknown_hold(last, recording, records[0].original)
+    forces = confirmations(fits, last, [step.best.identifier for step in steps])
     verdict, reason = _judge(steps, errors, outside, first, now)
     if verdict == "ambiguous":
         tell("looking for a motion that separates them")
@@ -189,6 +195,7 @@ def diagnose(
         experiment=_next_record(verdict, steps, now),
         chain=tuple((name, without_instruments(model)) for name, model in chain),
         models=tuple(fits.models(model) for _, model in chain),
+        forces=forces,
     )
 
 

@@ -1,0 +1,102 @@
+"""What the forces at the measured motion say of an effect that a free run likes.
+
+A free run feels what its own velocities make of an effect.  A law that holds a standing robot
+lowers the error that noise or rollers leave in a simulation, whether or not the robot has it.  At
+the measured velocities it does not: there an effect that the robot has is found at its full size,
+and one that only calms the simulation at none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ident.diagnosis.rivals import Refits
+from ident.log import Log
+from ident.regression import Regression, build_regression, linear_names
+from ident.sensitivity import Linearised
+from youbot_env.effects import get_effect
+from youbot_env.model import Model
+
+# Blocks whose scatter makes the standard error.
+BLOCKS = 20
+# Directions of the base weaker than this are left alone.
+WEAK = 1e-9
+# Below this share, by two standard errors, an effect is feigned: laws that the robot has reach 0.7
+# to 1.2 beside others that are still missing, laws that only calm a simulation -0.1 to 0.1.
+DENIED, SURE = 0.5, 2.0
+# Links of laws that are forces at the measured motion; other laws change that motion itself.
+FORCES = ("shaft", "roller", "body", "drive", "inertial")
+
+
+class ForceShare(NamedTuple):
+    """The size of an effect at the measured motion, as a share of that which a free run found.
+
+    Attributes:
+        value: 1 where both agree.
+        error: its standard error.
+    """
+
+    value: float
+    error: float
+
+
+def feigned(simulations: Sequence[Linearised], identifier: str) -> bool:
+    """Tell whether the forces of any log deny most of an effect that its simulation contains."""
+    shares = [force_share(sim.raw, sim.model, identifier) for sim in simulations]
+    return any(s is not None and s.value + SURE * s.error < DENIED for s in shares)
+
+
+def confirmations(
+    fits: Refits, model: Model, identifiers: Sequence[str]
+) -> dict[str, list[ForceShare]]:
+    """By effect the shares that the logs confirm, of those that can."""
+    models, found = fits.models(model), {}
+    for identifier in identifiers:
+        pairs = zip(fits.parts, models, strict=True)
+        shares = [force_share(part.log, own, identifier) for part, own in pairs]
+        found[identifier] = [share for share in shares if share is not None]
+    return found
+
+
+def force_share(log: Log, model: Model, identifier: str) -> ForceShare | None:
+    """Share of an effect of a model that forces confirm.
+
+    Args:
+        log: the record, as logged.
+        model: with the effect, at the values that the free run found.
+        identifier: the effect.
+
+    Returns:
+        None where it cannot be judged so: it is no force, or makes the drive late, which shifts the
+        noise of the drive with it, or it makes no difference here.
+    """
+    effect = get_effect(identifier)
+    if effect.link not in FORCES or effect.late:
+        return None
+    alone = replace(model, effects=tuple(a for a in model.effects if a.identifier != identifier))
+    base, full = build_regression(log, alone), build_regression(log, model)
+    left, right = _residual(base, alone), _residual(full, model)
+    trace = (left - right).ravel()
+    size = float(np.linalg.norm(trace))
+    columns, y = base.H[..., :7].reshape(len(trace), 7), left.ravel()
+    if not np.isfinite(size) or size <= 1e-12 * np.linalg.norm(y):
+        return None
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    turn, strength, _ = np.linalg.svd(columns / scale, full_matrices=False)
+    turn = turn[:, strength > WEAK * strength[0]]
+    own = trace - turn @ (turn.T @ trace)
+    value = float(own @ y / (own @ own))
+    error = y - turn @ (turn.T @ y) - value * own
+    blocks = np.array_split(np.arange(len(y)), BLOCKS)
+    scores = np.array([own[block] @ error[block] for block in blocks])
+    return ForceShare(value, float(np.linalg.norm(scores) / (own @ own)))
+
+
+def _residual(regression: Regression, model: Model) -> np.ndarray:
+    """(N, 3) rows that a model leaves, N m."""
+    values = dict(zip(model.names(), model.values(), strict=True))
+    return regression.residual(np.array([values[name] for name in linear_names(model)]))
