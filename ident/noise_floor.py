@@ -61,20 +61,43 @@ def _followed(sim: Linearised, torques: list[np.ndarray]) -> np.ndarray:
     return np.mean(followed**2, axis=(0, 1, 3))
 
 
-def velocity_floor(sim: Linearised, spread: np.ndarray) -> tuple[float, float, float]:
+def parameter_floor(sim: Linearised, covariance: np.ndarray) -> np.ndarray:
+    """(m,) mean squared free-run errors that the uncertainty of a model's values leaves.
+
+    Args:
+        sim: a log simulated with the model.
+        covariance: (P, P) of its values.
+    """
+    covariance = np.array(covariance)
+    moving = np.diag(covariance) > 0
+    if not moving.any():
+        return np.zeros(sim.residual.shape[-1])
+    columns = settled(sim, sim.value_columns(moving))
+    spread = covariance[np.ix_(moving, moving)]
+    return np.einsum("wlmi,ij,wlmj->m", columns, spread, columns) / columns[..., 0, 0].size
+
+
+def velocity_floor(
+    sim: Linearised, spread: np.ndarray, rippled: bool = False
+) -> tuple[float, float, float, float]:
     """Free-run errors of body velocities that are no fault of a model, as shares of ``spread``.
 
     Args:
         sim: a log simulated with it.
         spread: (3,) rms of the motion, m/s, m/s, rad/s.
+        rippled: see ``rolling_variance``.
 
     Returns:
-        What white noise leaves, what noise of the drive that lasts leaves, and what real rollers
-        and slip may leave besides.
+        What white noise leaves, what noise of the drive that lasts leaves, what the uncertainty of
+        the model's values leaves, and what real rollers may leave besides.
     """
     log, found = sim.log, []
-    for variance in (*noise_floor(sim), rolling_variance(log)):
+    unsure = np.zeros(sim.residual.shape[-1])
+    if sim.model.covariance is not None:
+        unsure = parameter_floor(sim, sim.model.covariance)
+    rolling = rolling_variance(log, rippled)
+    for variance in (*noise_floor(sim), unsure, rolling):
         if log.body_velocity is None:
             variance = np.linalg.pinv(log.platform.jacobian_array) ** 2 @ variance
         found.append(float(np.sqrt(np.mean(variance / spread**2))))
-    return found[0], found[1], found[2]
+    return tuple(found)

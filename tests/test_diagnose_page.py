@@ -103,7 +103,9 @@ def test_only_untouched_windows_are_shown(found):
 
 def test_falling_error_is_drawn_to_scale(found):
     axes = np.array([[0.02, 0.02, 0.04], [0.01, 0.01, 0.02]])
-    halved = FreeRunErrors(("", "floor_slope"), (0.2, 0.1), axes, 0.02, 0.0, 0.0, (0.4, 0.6), 9)
+    halved = FreeRunErrors(
+        ("", "floor_slope"), (0.2, 0.1), axes, 0.02, 0.0, 0.0, 0.0, (0.4, 0.6), 9
+    )
     png = error_steps_figure(halved)
     assert colored(png, IDENTIFIED) / colored(png, NOMINAL) == pytest.approx(0.5, abs=0.05)
 
@@ -111,7 +113,15 @@ def test_falling_error_is_drawn_to_scale(found):
 def test_nothing_added_is_said_and_drawn_with_the_base_alone(found):
     errors = found.errors
     alone = FreeRunErrors(
-        ("",), errors.nrmse[:1], errors.axes[:1], errors.floor, 0.0, 0.0, (0.0, 0.0), errors.windows
+        ("",),
+        errors.nrmse[:1],
+        errors.axes[:1],
+        errors.floor,
+        0.0,
+        0.0,
+        0.0,
+        (0.0, 0.0),
+        errors.windows,
     )
     quiet = replace(found, verdict="nothing_missing", reason="nothing does", steps=(),
                     model=found.base, chain=found.chain[:1], errors=alone)  # fmt: skip

@@ -237,6 +237,17 @@ class Evidence:
             return gains[0]
         return min(gains)
 
+    def gains_by_record(self, number: int) -> list[float]:
+        """Share of squared error that a trial removes in left-out windows of the fitted records.
+
+        And, where another record has windows enough for choosing, of that one.
+        """
+        mine, ends = self.columns[number] - self.base, self.ends(number)
+        return [
+            1.0 - sum(part.loss(mine, ends=ends) for part in way) / sum(part.before for part in way)
+            for way in self._each
+        ]
+
     def ends(self, number: int) -> tuple[float, float]:
         """Ends of the coefficients, as columns are scaled here.
 

@@ -81,11 +81,11 @@ class Round:
             evidence = Evidence.of(parts, list(simulations), trials(model, logs), [])
         gains = np.array([gain_of(evidence, k) for k in range(len(evidence.columns))])
         weights = parts[0].weights
-        rolling = float(np.mean(rolling_variance(parts[0].log) * weights**2))
         noise = noise_floor(simulations[0]).of(weights)
         p = evidence.p_values(seed)[1]
         loss = window_losses(parts, simulations)
         error = float(loss[evidence.role == FIT].mean())
+        rolling = float(np.mean(rolling_variance(parts[0].log) * weights**2))
         return cls(parts, simulations, evidence, generic, gains, p, noise, rolling, loss,
                    origin or error, unexplained or error)  # fmt: skip
 

@@ -16,6 +16,8 @@ SIGNIFICANT = 0.05
 # What acts in a few moments only cannot be significant by the signs of many; removing this share of
 # the squared error where it was not fitted is evidence enough.
 OVERWHELMING = 0.5
+# So is removing nearly all of it where it was fitted and this share elsewhere.
+ALL, SOME = 0.9, 0.25
 # Times that were left out do not foretell what changes with time: where that removes this share of
 # the squared error that it is fitted to, the share counts as its gain.
 CHANGING = 0.2
@@ -133,7 +135,10 @@ class Shortlist:
         return [k for k in range(len(self.evidence.trials)) if self._sure(k) and self._possible(k)]
 
     def _sure(self, number: int) -> bool:
-        return bool(self.p[number] < SIGNIFICANT or self.gains[number] > OVERWHELMING)
+        gain = self.gains[number]
+        if self.p[number] < SIGNIFICANT or gain > OVERWHELMING:
+            return True
+        return bool(gain > SOME and self.evidence.explained(number) > ALL)
 
     def _possible(self, number: int) -> bool:
         return self.trial(number).possible(self.evidence.coefficients(number), SLACK)

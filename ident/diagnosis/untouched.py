@@ -24,6 +24,9 @@ DRAWS = 2000
 # What noise that lasts leaves on a few windows scatters: on the part kept for the end of three
 # simulated records up to 1.9 times its floor, in squares.
 SCATTER = 1.0
+# Of some makes of rollers the ripple of the library explains little; of those of which it is the
+# ripple, at least half of the squared error.
+RIPPLE, EXPLAINED = "roller_ripple", 0.5
 # An error of this share is that of a model that says nothing: the mean of the motion, or no force.
 WHOLE = 1.0
 
@@ -40,6 +43,7 @@ class FreeRunErrors:
         axes: (models, 3) rms errors, m/s, m/s, rad/s.
         white: what white noise of the sensors and of the drive leaves.
         lasting: what noise of the drive that lasts leaves.
+        unsure: what the uncertainty of the final model's values leaves.
         rolling: what real rollers and slip may leave besides, as far as the wheels contradict each
             other.
         drop_ci95: interval of the share by which the last is smaller than the first.
@@ -53,6 +57,7 @@ class FreeRunErrors:
     axes: np.ndarray
     white: float
     lasting: float
+    unsure: float
     rolling: float
     drop_ci95: tuple[float, float]
     windows: int
@@ -101,19 +106,30 @@ class FreeRunErrors:
         return self._excess(-1) / max(self._excess(0), 1e-300)
 
     @property
+    def beyond_noise(self) -> float:
+        """Share of the squared error beyond noise alone that the final model leaves."""
+        before, after = (max(e**2 - self.floor**2, 0.0) for e in (self.before, self.after))
+        return after / max(before, 1e-300)
+
+    @property
+    def unexplained(self) -> float:
+        """Squared error that the final model leaves beyond rolling, in units of that of noise."""
+        return max(self.after**2 - self._excused, 0.0) / max(self.floor, 1e-300) ** 2
+
+    @property
     def clear(self) -> bool:
         """Whether what the final model leaves is clearly more than noise and rolling."""
-        sure = CLEAR * (self.white**2 + self.rolling**2) + SCATTER * self.lasting**2
+        sure = CLEAR * self._excused + (SCATTER - CLEAR) * self.lasting**2
         return self._excess(-1) > sure
 
     @property
     def account(self) -> dict[str, float]:
-        """Shares of the base's squared error: each effect, noise, rolling, and the remainder."""
+        """Shares of the base's squared error: effects, noise, parameters, rolling, remainder."""
         squares = np.array(self.nrmse) ** 2
         shares = dict(zip(self.names[1:], (squares[:-1] - squares[1:]).tolist(), strict=True))
         left = float(squares[-1])
         excuses = (("white noise", self.white), ("lasting noise of the drive", self.lasting),
-                   ("rolling", self.rolling))  # fmt: skip
+                   ("parameters", self.unsure), ("rolling", self.rolling))  # fmt: skip
         for name, size in excuses:
             shares[name] = min(size**2, left)
             left -= shares[name]
@@ -131,11 +147,13 @@ class FreeRunErrors:
         said = f"{100 * self.floor:.3g} % of noise"
         if self.lasting > self.white:
             said += f" (of the drive, {self.drive_noise})"
+        if self.unsure > CLEAR * self.floor:
+            said += f", {100 * self.unsure:.2g} % of parameters that are not known better"
         return said + (f" and the {100 * self.rolling:.2g} % of rolling" if self.rolling else "")
 
     @property
     def _excused(self) -> float:
-        return self.floor**2 + self.rolling**2
+        return self.floor**2 + self.unsure**2 + self.rolling**2
 
     def _excess(self, number: int) -> float:
         return max(self.nrmse[number] ** 2 - self._excused, 0.0)
@@ -151,6 +169,7 @@ class FreeRunErrors:
                 "size": self.drive_noise.size,
                 "time": self.drive_noise.time,
             },
+            "parameters": self.unsure,
             "rolling": self.rolling,
             "account": self.account,
             "drop_ci95": list(self.drop_ci95),
@@ -165,7 +184,13 @@ class FreeRunErrors:
 def free_run_errors(
     fits: Refits, chain: list[tuple[str, Model]], simulation: Linearised
 ) -> FreeRunErrors:
-    """Simulate the untouched windows of all logs with every model of a chain."""
+    """Simulate the untouched windows of all logs with every model of a chain.
+
+    Args:
+        fits: the logs.
+        chain: names and models.
+        simulation: of a log with untouched windows with the last model.
+    """
     parts = [part for part in fits.parts if part.windows(VERIFY).any()]
     squared = np.array([_squared(fits.parts, fits.models(model)) for _, model in chain])
     by_force = parts[0].log.window is not None
@@ -178,11 +203,14 @@ def free_run_errors(
     drawn = np.random.default_rng(0).integers(0, by_window.shape[1], (DRAWS, by_window.shape[1]))
     means = by_window[:, drawn].mean(axis=2)
     low, high = np.quantile(1.0 - np.sqrt(means[-1] / means[0]), [0.025, 0.975])
+    names, errors = [name for name, _ in chain], by_window.mean(axis=1)
+    at = names.index(RIPPLE) if RIPPLE in names else 0
+    rippled = at > 0 and errors[at] < EXPLAINED * errors[at - 1]
     return FreeRunErrors(
-        tuple(name for name, _ in chain),
-        tuple(np.sqrt(by_window.mean(axis=1)).tolist()),
+        tuple(names),
+        tuple(np.sqrt(errors).tolist()),
         np.sqrt(squared.mean(axis=1)),
-        *velocity_floor(simulation, spread),
+        *velocity_floor(simulation, spread, rippled),
         (float(low), float(high)),
         by_window.shape[1],
         by_force,

@@ -8,6 +8,7 @@ from typing import Any
 
 from ident.comparison import Regime, compare
 from ident.diagnosis.dependence import dependences
+from ident.diagnosis.differences import with_differences
 from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
 from ident.diagnosis.fitness import unfit
 from ident.diagnosis.forces import ForceShare, confirmations
@@ -170,13 +171,15 @@ def diagnose(
     steps = confirmed(found.fits, refined, found.steps, first.simulations[-1])
     fits, start = freed(found.fits, records, refined.model, len(tests))
     chain = chain_of(fits, start, steps)
-    errors = free_run_errors(fits, chain, fits.of(chain[0][1])[1][-1])
     last = chain[-1][1]
+    simulation = fits.of(last)[1][-1]
+    simulation = replace(simulation, model=replace(simulation.model, covariance=last.covariance))
+    errors = free_run_errors(fits, chain, simulation)
     steps.sort(key=lambda step: step.background)
     recording = told(records, fits, last)
     last = with_unknown_hold(last, recording, records[0].original)
     forces = confirmations(fits, last, [step.best.identifier for step in steps])
-    verdict, reason = _judge(steps, errors, outside, first, now)
+    verdict, reason = _judge(steps, errors, outside, first, now, forces)
     if verdict == "ambiguous":
         tell("looking for a motion that separates them")
     return Diagnosis(
@@ -211,6 +214,10 @@ def _searched(
     if weighed is not parts:
         parts = weighed
         refined, simulations = refit(parts, refined.model)
+    differing = with_differences(parts, simulations)
+    if differing is not simulations[0].model:
+        tell("taking in what differs between the logs")
+        refined, simulations = refit(parts, differing)
     return search(parts, refined, simulations, dependences(logs), seed, tell), refined
 
 
@@ -228,16 +235,43 @@ def _next_record(verdict: str, steps: list[Step], last: Round) -> Experiment | N
     return separating(rivals, last.error)
 
 
+def _unexplained(errors: FreeRunErrors, last: Round) -> float:
+    """Squared error beyond rolling, in units of that of noise, where fitted and where not."""
+    fitted = last.excess / last.noise
+    return fitted if errors.by_force else max(fitted, errors.unexplained)
+
+
+def _denied(steps: list[Step], forces: dict[str, list[ForceShare]]) -> str:
+    """What the forces at the measured motion say against named effects, in words."""
+    said = []
+    for step in steps:
+        against = [share for share in forces.get(step.best.identifier, ()) if share.denies]
+        if against:
+            worst = max(against, key=lambda share: abs(share.value - 1.0))
+            said.append(
+                f"the forces at the measured motion show {100 * worst.value:.0f} % of "
+                f"{step.best.identifier}"
+            )
+    return ", ".join(said)
+
+
 def _judge(
-    steps: list[Step], errors: FreeRunErrors, outside: bool, first: Round, last: Round
+    steps: list[Step],
+    errors: FreeRunErrors,
+    outside: bool,
+    first: Round,
+    last: Round,
+    forces: dict[str, list[ForceShare]],
 ) -> tuple[str, str]:
     """Return verdict and reason."""
     real = [step for step in steps if not (step.background or step.recording)]
     fall = f"{errors.what} {100 * errors.before:.3g} % to {100 * errors.after:.3g} %"
     signals = ", ".join(signal for signal, _ in last.dependences()) or "no signal that was tried"
     names = ", ".join(step.best.identifier for step in real)
-    left = max(last.excess / max(first.excess, 1e-300), errors.left)
-    clear = last.excess > last.floor or errors.clear
+    left, clear = errors.left, errors.clear
+    if first.wheels_agree:  # how much rollers leave is not known so well where it was fitted
+        left = max(last.excess / max(first.excess, 1e-300), left)
+        clear = clear or last.excess > last.floor
     if not errors.bounded:
         return "cannot_say", (
             f"the simulation explains nothing of these logs ({fall}): what they hold does not "
@@ -256,7 +290,7 @@ def _judge(
             f"{signals}, as no effect explains"
         )
     told = bool(last.dependences())
-    if not real and last.excess > UNEXPLAINED * last.floor:
+    if not real and _unexplained(errors, last) > UNEXPLAINED:
         far = (
             f"the {errors.what}, {100 * errors.after:.3g} %, is far above the "
             f"{errors.excuse}, and no effect lowers it"
@@ -300,6 +334,13 @@ def _judge(
             f"{names} fit best, but leave {100 * left:.0f} % of what noise cannot explain "
             f"({fall}, beside {errors.excuse}); it depends on {signals}"
         )
+    denied = _denied(real, forces)
+    if denied and errors.beyond_noise > WORTH_TELLING:
+        return "outside_library", (
+            f"{names} fit best, but {denied}, and {100 * errors.beyond_noise:.0f} % of the squared "
+            f"error beyond noise is left ({fall}, beside {errors.excuse}): something else acts, "
+            f"which depends on {signals}"
+        )
     for step in real:
         for rival in get_effect(step.best.identifier).confusables:
             why = next(filter(None, (behind_gap(get_effect(rival), log) for log in last.logs)), "")
@@ -309,6 +350,8 @@ def _judge(
                     f"({fall})"
                 )
     rest = f", beside {errors.excuse}"
+    if denied:
+        rest += f"; {denied}: its law is not quite that"
     if clear and left > WORTH_TELLING:
         rest += f"; {100 * left:.0f} % of what noise cannot explain is left"
         rest += f" and depends on {signals}" if told else ""
