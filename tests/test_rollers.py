@@ -199,6 +199,10 @@ def test_every_effect_acts_or_is_refused_by_name():
     torque = holding_torque(MODEL, (0.2, 0.2, 0.2))
     for identifier in effect_names():
         model, effect = MODEL.with_effects({identifier: None}), get_effect(identifier)
+        if identifier in ("roller_ripple", "wheel_slip"):
+            with pytest.warns(UserWarning, match=f"{identifier} left out"):
+                assert RollersPlant(model).model.effects == ()
+            continue
         if effect.acts("kinematics") or effect.acts("slip"):
             with pytest.raises(ValueError, match=identifier):
                 RollersPlant(model)
@@ -207,6 +211,13 @@ def test_every_effect_acts_or_is_refused_by_name():
         plant.reset(velocity=(0.2, 0.2, 0.2))
         plain = drive(plant, torque, 0.1)
         assert np.abs(plain[:, :3]).max() < 1.0, identifier
+
+
+def test_the_floor_of_a_slipping_model_is_as_slippery():
+    with pytest.warns(UserWarning, match="wheel_slip"):
+        plant = RollersPlant(MODEL.with_effects({"wheel_slip": 0.2}))
+    told = RollersPlant(MODEL, floor_friction=0.2)
+    np.testing.assert_array_equal(plant.mj_model.geom_friction, told.mj_model.geom_friction)
 
 
 def test_roller_friction_acts_sideways_and_not_forward():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import warnings
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -15,6 +17,9 @@ from youbot_env.rollers.camera import Camera
 
 # Laws that replace the rolling of ideal wheels; here wheels roll by themselves.
 INEXPRESSIBLE = ("kinematics", "slip")
+# Laws that stand for what rollers and contacts do here by themselves.
+PHYSICS = ("roller_ripple", "wheel_slip")
+FLOOR_FRICTION = 0.8
 
 
 class RollersPlant:
@@ -27,9 +32,13 @@ class RollersPlant:
     Args:
         model: platform, parameters and effects; in a simulation these are the true ones.
         dt: sample time, s; a whole number of physics steps.
-        floor_friction: Coulomb coefficient between rollers and floor.
+        floor_friction: Coulomb coefficient between rollers and floor; if left, that of the model's
+            ``wheel_slip``, else 0.8.
         timestep: physics step, s.  2 ms halves the time of computation and costs 1 % of the
             forward speed in rolling losses.
+
+    ``roller_ripple`` and ``wheel_slip`` of a model are left out with a warning: here they are
+    physics.
 
     Attributes:
         platform, dt, t: wheel table, sample time and time since reset, s.
@@ -45,7 +54,7 @@ class RollersPlant:
         self,
         model: Model,
         dt: float = 0.01,
-        floor_friction: float = 0.8,
+        floor_friction: float | None = None,
         timestep: float = 0.001,
     ):
         model.check()
@@ -55,6 +64,8 @@ class RollersPlant:
                 f"dt = {dt} s is not a whole number of physics steps of {timestep} s; "
                 "change dt or timestep"
             )
+        model, slippery = _without_physics(model)
+        floor_friction = slippery if floor_friction is None else floor_friction
         if not floor_friction > 0:
             raise ValueError(f"floor_friction = {floor_friction} must be positive")
         self.model, self.platform, self.dt, self.t = model, model.platform, dt, 0.0
@@ -198,3 +209,18 @@ class RollersPlant:
         part = steps - whole
         pairs = zip(self._commands[whole], self._commands[whole + 1], strict=True)
         return tuple([(1 - part) * new + part * old for new, old in pairs])
+
+
+def _without_physics(model: Model) -> tuple[Model, float]:
+    """The model less what real rollers do by themselves, and the friction of its floor."""
+    active = {one.identifier: one.values for one in model.effects}
+    left_out = [name for name in PHYSICS if name in active]
+    if left_out:
+        warnings.warn(
+            f"model {model.name!r}: {' and '.join(left_out)} left out on real rollers, which do "
+            "that by themselves",
+            stacklevel=3,
+        )
+    kept = tuple(one for one in model.effects if one.identifier not in PHYSICS)
+    friction = active.get("wheel_slip", {}).get("f", FLOOR_FRICTION)
+    return replace(model, effects=kept), float(friction)
