@@ -276,6 +276,16 @@ def _numbers(cells, column: str, record: Record) -> np.ndarray:
         return np.asarray(cells, float)
     if cells.dtype.is_numeric():
         return cells.cast(pl.Float64).fill_null(np.nan).to_numpy().copy()
+    if cells.dtype in (pl.Categorical, pl.Enum):
+        cells = cells.cast(pl.String)
+    if cells.dtype not in (pl.String, pl.Boolean, pl.Null):
+        record.refuse(
+            "cells",
+            f"its cells are no numbers but {cells.dtype}",
+            f"column {column}",
+            "write one number a cell",
+        )
+        return np.full(len(cells), np.nan)
     numbers = cells.cast(pl.Float64, strict=False)
     if numbers.null_count():
         text = cells.fill_null("").str.strip_chars(" \"'\t").str.to_lowercase()

@@ -7,6 +7,7 @@ import pkgutil
 from functools import cache
 from pathlib import Path
 
+from ident.doctor.finding import LogError
 from ident.loaders.base import Loader, Table, refuse
 from youbot_env.platform import Platform
 
@@ -41,5 +42,22 @@ def find_loader(path: Path) -> Loader:
 
 
 def read(path: Path, platform: Platform) -> Table:
-    """Read a log of any known format into a table of columns."""
-    return find_loader(path).read(path, platform)
+    """Read a log of any known format into a table of columns.
+
+    Raises:
+        LogError: the file cannot be read, whatever the library that reads it thinks of it.
+    """
+    loader = find_loader(path)
+    try:
+        return loader.read(path, platform)
+    except (LogError, MemoryError):
+        raise
+    except BaseException as error:
+        # Readers of binary formats panic over damaged files, past ``Exception``.
+        panic = type(error).__name__ == "PanicException"
+        if not (panic or isinstance(error, Exception)):
+            raise
+        what = "" if panic else f": {(str(error).splitlines() or [type(error).__name__])[0][:200]}"
+        raise refuse(
+            path, f"damaged, or no {loader.title} file{what}", "file", "copy or write it again"
+        ) from error

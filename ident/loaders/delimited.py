@@ -107,9 +107,8 @@ def parse(data: bytes, path: Path) -> Table:
         raise refuse(path, "there is no row after the names", f"line {number}", "record again")
     body = memoryview(data)[begins[0] :]
     keep = (codes[begins] != ord("#")) & (ends > begins)
-    found = np.count_nonzero(codes[begins[0] :] == ord(separator))
-    if not keep.all() or found != len(lines) * (len(names) - 1):
-        cells = _cells(data, separator, begins, ends)
+    cells = _cells(data, separator, begins, ends)
+    if not keep.all() or np.any(cells != len(names)):
         if keep.any() and np.all(cells[keep][:-1] == len(names) + 1) and len(names) > 1:
             names = [*names, ""]  # a separator at the end of each row
         elif keep.any() and not names[-1] and np.all(cells[keep][:-1] == len(names) - 1):
@@ -141,7 +140,9 @@ def _frame(body: bytes, separator: str, names: list[str]) -> pl.DataFrame:
             io.BytesIO(body), schema_overrides=dict.fromkeys(names, pl.Float64), **options
         )
     except pl.exceptions.ComputeError:
-        return pl.read_csv(io.BytesIO(body), **options)
+        # A byte that is no text spoils its cell and nothing else.
+        text = bytes(body).decode("utf-8", "replace").encode()
+        return pl.read_csv(io.BytesIO(text), **options)
 
 
 def _preamble(table: Table, data: bytes, begins, ends) -> int:
