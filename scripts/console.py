@@ -1,18 +1,21 @@
 """What all scripts share: exit statuses, clear errors, tables, progress, JSON and provenance.
 
-Exit status 0: done.  1: a check failed.  2: bad input, told in one message on stderr.  With
+Exit status 0: done.  1: a check failed.  2: bad input, told in one message on stderr.  3: a fault
+of the program, with its traceback.  With
 ``YOUBOT_DEBUG=1`` in the environment an error shows its traceback.
 """
 
 from __future__ import annotations
 
 import functools
+import glob
 import json
 import os
 import shlex
 import subprocess
 import sys
 import textwrap
+import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -30,7 +33,10 @@ from rich.table import Table
 from youbot_env.model_file import write_atomically
 
 ROOT = Path(__file__).resolve().parent.parent
+FAULT = 3
 INDENT = {"initial_indent": "  - ", "subsequent_indent": "    "}
+# Options that name a file to write; what other words of a command line name is read.
+RESULTS = ("--out", "--json", "--truth", "--onnx", "--results", "--report")
 VERSIONED = ("numpy", "scipy", "casadi", "gymnasium", "mujoco", "torch", "stable_baselines3")
 # What bad input raises; ModelFileError, LogError and ImpossibleParameters are ValueErrors.
 BAD_INPUT = (ValueError, OSError, FloatingPointError, ImportError)
@@ -68,6 +74,17 @@ def run(command: Callable[..., None], example: str, several: tuple[str, ...] = (
                 raise
             err.print(f"error: {error}", style="red", soft_wrap=True)
             raise typer.Exit(2) from error
+        except (typer.Exit, typer.Abort, typer.BadParameter):
+            raise
+        except Exception as error:
+            err.print(traceback.format_exc(), soft_wrap=True)
+            what = "the memory is used up" if isinstance(error, MemoryError) else "a fault of ours"
+            err.print(
+                f"error: {what}, not of your files: please send us this command, the lines above "
+                "and, if you can, the file",
+                style="red", soft_wrap=True,
+            )  # fmt: skip
+            raise typer.Exit(FAULT) from error
 
     app = typer.Typer(
         add_completion=False,
@@ -103,19 +120,45 @@ def check_writable(*paths: Path | None) -> None:
     """Refuse, before a long computation, files that could not be written after it.
 
     Raises:
-        ValueError: a folder, a place that is no folder or not ours, or one file named twice.
+        ValueError: a folder, a place that is no folder or not ours, one file named twice, a file
+            that the command reads, or a device.
     """
     chosen = [path for path in paths if path is not None]
     for number, path in enumerate(chosen):
         place = next(p for p in path.absolute().parents if p.exists())
         if path.resolve() in [other.resolve() for other in chosen[:number]]:
             raise ValueError(f"two results cannot both go to {str(path)!r}; rename one")
+        if path.exists() and _named(path) > _named_as_result(path):
+            raise ValueError(
+                f"{str(path)!r} is read by this command; a result never replaces what it was made "
+                "of: choose another name"
+            )
+        if path.exists() and not (path.is_dir() or path.is_file()):
+            raise ValueError(f"cannot write {str(path)!r}: it is a device; choose a file")
         if path.is_dir():
             raise ValueError(f"cannot write {str(path)!r}: it is a folder; add a file name")
         if not place.is_dir():
             raise ValueError(f"cannot write {str(path)!r}: {place.name!r} is no folder; rename it")
         if not os.access(path if path.exists() else place, os.W_OK):
             raise ValueError(f"cannot write {str(path)!r}: no permission; choose another place")
+
+
+def _named(path: Path) -> int:
+    """How many words of the command line mean a file, through links and patterns."""
+    words = [part for word in sys.argv[1:] for part in (word, word.partition("=")[2]) if part]
+    files = [name for word in words for name in (glob.glob(word) or [word])]
+    return sum(os.path.exists(name) and os.path.samefile(name, path) for name in files)
+
+
+def _named_as_result(path: Path) -> int:
+    """How many words of the command line behind an option for results mean that file."""
+    found = 0
+    for option, word in zip(sys.argv[1:], sys.argv[2:], strict=False):
+        name, _, value = option.partition("=")
+        word = value or word
+        if name in RESULTS and os.path.exists(word):
+            found += os.path.samefile(word, path)
+    return found
 
 
 def write_json(path: Path | None, data: dict) -> None:

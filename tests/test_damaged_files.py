@@ -50,12 +50,8 @@ def test_damaged_parquet(frame, tmp_path, cut):
     for place in rng.integers(len(data) - cut - 8, len(data) - 8, 12):
         data[place] ^= 0xFF
     path.write_bytes(bytes(data))
-    try:
-        log = Log.load(path)
-    except LogError as error:
-        assert "log.parquet" in str(error)
-    else:  # what was hit is told or was of no account
-        assert np.isfinite(log.wheel_velocity).all()
+    with pytest.raises(LogError, match=r"log\.parquet"):
+        Log.load(path)
 
 
 @pytest.mark.parametrize("kind", ["list", "binary", "categorical"])
