@@ -37,6 +37,8 @@ def with_differences(parts: list[Part], simulations: tuple[Linearised, ...]) -> 
     best, share = None, DIFFERENT
     for number, trial in enumerate(found):
         gains = evidence.gains_by_record(number)
+        if len(gains) > 1 and gains[0] > LEAST_GAIN and gains[1] > DIFFERENT:
+            return model  # all records have that, and it may look like something else in one
         absent = evidence.explained(number) < LEAST_GAIN
         possible = trial.possible(evidence.coefficients(number), SLACK)
         if len(gains) > 1 and absent and gains[1] > share and possible:
