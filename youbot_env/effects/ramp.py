@@ -25,6 +25,7 @@ class Ramp(Effect):
     )  # fmt: skip
     regime = "always, beyond an edge"
     confusables = ("floor_slope", "cable_tether", "floor_patch")
+    contains = ("floor_slope",)
     experiments = ("straight runs at four headings", "repeat later")
     needs_pose = True
 
