@@ -56,9 +56,7 @@ def test_two_orders_of_ripple_are_found_one_after_the_other():
     assert told == pytest.approx([5.0, 11.0], abs=0.02)
 
 
-@pytest.mark.parametrize(
-    ("effects", "unknown"), [(RIBS, "carpet"), (PATCH, "floor_patch"), (CASTER, "caster_drag")]
-)
+@pytest.mark.parametrize(("effects", "unknown"), [(RIBS, "carpet"), (PATCH, "floor_patch")])
 def test_what_is_left_out_of_the_library_is_refused(effects, unknown):
     fit, test = record(effects)
     with left_out(unknown):
