@@ -18,7 +18,7 @@ class WheelCoulombFriction(Effect):
     regime = "all speeds; a step when a wheel reverses"
     confusables = ("stribeck_friction", "rolling_resistance", "torque_dead_zone",
                    "load_dependent_friction", "body_dry_friction", "caster_drag",
-                   "direction_dependent_friction")  # fmt: skip
+                   "direction_dependent_friction", "presliding_friction")  # fmt: skip
     experiments = ("slow ramp through zero", "plateaus at several speeds")
 
     def shaft(self, p, s, ops):
