@@ -227,8 +227,13 @@ class Linearised:
         """
         if not structure.bristled:
             return structure.rest().internal
-        states, rows = internal_states(log, model, values), self._rows
-        return structure.parted(0.5 * (states[rows] + states[rows + 1]).T)
+
+        def middle() -> np.ndarray:
+            states, rows = internal_states(log, model, values), self._rows
+            return 0.5 * (states[rows] + states[rows + 1]).T
+
+        moving = part_of(model, values, (*DRIVE, "evolve", "kinematics", *INSTRUMENTS))
+        return structure.parted(self._recent.of(("states", moving), middle))
 
     @cached_property
     def _recent(self) -> Recent:

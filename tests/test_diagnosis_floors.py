@@ -17,6 +17,7 @@ RIBS = {"carpet": {"cx": 70.0, "cy": 0.0, "nx": 0.0}}
 NAP = {"carpet": {"cx": 40.0, "cy": 40.0, "nx": 20.0, "ny": 20.0}}
 PATCH = {"floor_patch": {"dmu": 0.12, "angle": 0.2, "dist": 0.1}}
 RAMP = {"ramp": {"s": 0.02, "angle": 1.5, "dist": 0.1}}
+BRISTLES = {"presliding_friction": {"fc": 0.15, "bend": 0.05}}
 WORM = {"direction_dependent_friction": {"forward": 0.1, "backward": 0.2}}
 
 
@@ -31,7 +32,7 @@ def record(effects):
     return logs
 
 
-@pytest.mark.parametrize("effects", [CASTER, RIBS, NAP, PATCH, RAMP, WORM])
+@pytest.mark.parametrize("effects", [CASTER, RIBS, NAP, PATCH, RAMP, WORM, BRISTLES])
 def test_floors_casters_and_gears_are_named_with_their_sizes(effects):
     fit, test = record(effects)
     found = diagnose(fit, NOMINAL, test)

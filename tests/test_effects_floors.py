@@ -7,13 +7,15 @@ import pytest
 
 from ident.diagnosis.trials import trials
 from ident.log import Log
+from ident.sensitivity import Linearised
+from ident.signals import measure
 from youbot_env.backend import FLOAT
-from youbot_env.effects import effect_names, get_effect, left_out
+from youbot_env.effects import Signals, effect_names, get_effect, left_out
 from youbot_env.effects.base import GRAVITY
 from youbot_env.model_file import load_model
 from youbot_env.plant import Structure
 from youbot_env.references import SmoothRandom
-from youbot_env.simulation import Sensors, record_closed_loop
+from youbot_env.simulation import IDEAL, Sensors, record_closed_loop
 
 PAPER = load_model("paper")
 PLATFORM = PAPER.platform
@@ -115,6 +117,48 @@ def test_a_ramp_pulls_back_beyond_its_foot():
             np.testing.assert_allclose(found, (*force, moment), rtol=1e-2, atol=1e-2)
 
 
+def test_bristles_are_a_spring_before_they_slide():
+    effect = get_effect("presliding_friction")
+    p = effect.arrange({"fc": 0.2, "bend": 0.04}, PLATFORM)
+
+    def after(state, v, h):
+        s = Signals(PLATFORM, PLATFORM.geometry, PAPER.parameters.theta(PLATFORM), 0.0, v,
+                    (0.0,) * 3, (0.0,) * 4, (0.0,) * 4)  # fmt: skip
+        s.state = state
+        s.state = effect.evolve(p, (), s, h, FLOAT)
+        return np.array(s.state), np.array(effect.shaft(p, s, FLOAT)), s.wheel_velocity
+
+    # A turn by a hundredth of the bend: stiffness Fc / bend.
+    _, torque, speed = after((0.0,) * 4, (0.019, 0.0, 0.0), 1e-3)
+    np.testing.assert_allclose(torque, -0.2 / 0.04 * np.array(speed) * 1e-3, rtol=0.01)
+    # A long way: sliding friction against each wheel; and one bend after it reverses half is back.
+    slid, torque, speed = after((0.0,) * 4, (0.0, 0.3, 0.0), 2.0)
+    np.testing.assert_allclose(torque, -0.2 * np.sign(speed), rtol=1e-9)
+    state, _, speed = after(tuple(slid), (0.0, -0.3, 0.0), 0.04 * 0.0475 / 0.3)
+    np.testing.assert_allclose(state, np.sign(speed) * (1.0 - 2.0 * math.exp(-1.0)), rtol=1e-6)
+    # In two steps as in one.
+    once, _, _ = after((0.3, -0.2, 0.9, 0.0), (0.02, 0.01, 0.1), 0.05)
+    half, _, _ = after((0.3, -0.2, 0.9, 0.0), (0.02, 0.01, 0.1), 0.025)
+    np.testing.assert_allclose(after(tuple(half), (0.02, 0.01, 0.1), 0.025)[0], once, rtol=1e-6)
+
+
+def test_what_bristles_change_is_seen_in_traces_and_in_forces():
+    bristles = PAPER.with_effects({"presliding_friction": {"fc": 0.05, "bend": 0.03}})
+    times = np.arange(3000) / 100
+    channels = record_closed_loop(bristles, SmoothRandom(0.3, 1.0), times, IDEAL, seed=1)
+    log = Log("random", PLATFORM, **channels)
+    sim = Linearised.of(log, PAPER)
+    trace = sim.model_columns([(PAPER, bristles)])[..., 0]
+    assert np.linalg.norm(sim.residual - trace) < 0.1 * np.linalg.norm(sim.residual)
+    seen = [measure(log, model, origin=log.time[0]).interval_wrenches()[0]
+            for model in (bristles, PAPER)]  # fmt: skip
+    force = np.array(seen[0]) - np.array(seen[1])
+    # Sliding for most of the time, as plain dry friction is.
+    plain = PAPER.with_effects({"wheel_coulomb_friction": 0.05})
+    dry = np.array(measure(log, plain, origin=log.time[0]).interval_wrenches()[0]) - seen[1]
+    assert np.corrcoef(force[0], dry[0])[0, 1] > 0.9
+
+
 def test_two_orders_of_ripple_add_up():
     effects = {"torque_ripple": {"a": 0.2, "b": 0.0, "k": 5.0},
                "torque_ripple_second": {"a": 0.1, "b": 0.05, "k": 11.0}}  # fmt: skip
@@ -132,7 +176,7 @@ def test_a_second_order_is_looked_for_beside_the_first_only():
     log = Log("random", PLATFORM, **channels)
     names = {trial.identifier for trial in trials(PAPER, [log])}
     assert "torque_ripple" in names
-    assert "torque_ripple_second" not in names
+    assert not names & {"torque_ripple_second", "presliding_friction"}
     names = {t.identifier for t in trials(PAPER.with_effects({"torque_ripple": {}}), [log])}
     assert "torque_ripple" not in names
     assert "torque_ripple_second" in names
@@ -142,7 +186,7 @@ def test_a_second_order_is_looked_for_beside_the_first_only():
 
 def test_what_looks_alike_says_so_on_both_sides():
     for name in ("caster_drag", "carpet", "floor_patch", "ramp", "direction_dependent_friction",
-                 "torque_ripple_second"):  # fmt: skip
+                 "torque_ripple_second", "presliding_friction"):  # fmt: skip
         for other in get_effect(name).confusables:
             assert name in get_effect(other).confusables, f"{other} does not name {name}"
 

@@ -108,7 +108,7 @@ def trials(model: Model, logs: list[Log]) -> list[Trial]:
     for identifier in effect_names():
         effect = get_effect(identifier)
         known = identifier in present or any(identifier in log.recording for log in logs)
-        if effect.only_beside and effect.only_beside not in present:
+        if effect.only_beside and not present.intersection(effect.only_beside):
             continue
         if not known and effect.candidate and not any(map(effect_unreadable(effect), logs)):
             found += _forms(effect, model, logs[0], orders)

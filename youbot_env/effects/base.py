@@ -130,7 +130,7 @@ class Effect:
         confusables: identifiers of effects that look alike in most logs.
         contains: identifiers of effects that are special cases of this one.
         experiments: motions that tell them apart.
-        only_beside: identifier of an effect without which diagnosis does not look for this one.
+        only_beside: identifiers of effects; diagnosis looks for this one once it has one of them.
         order: place among the effects of the same link, small first.
         needs_pose, needs_wheel_angle, needs_time: signals beyond velocity that the law reads.
         background: whether every robot has some of it, so that it is explained before anything
@@ -151,7 +151,7 @@ class Effect:
     confusables: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
     experiments: ClassVar[tuple[str, ...]] = ()
-    only_beside: ClassVar[str] = ""
+    only_beside: ClassVar[tuple[str, ...]] = ()
     order: ClassVar[int] = 0
     needs_pose: ClassVar[bool] = False
     needs_wheel_angle: ClassVar[bool] = False

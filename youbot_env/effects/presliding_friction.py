@@ -31,7 +31,8 @@ def bent(state, speed, h, bend, level, ops):
 class PreslidingFriction(Effect):
     """Friction of each wheel that acts as a spring until the wheel has turned by some ``bend``.
 
-    State: for each wheel the share of the sliding friction that its bristles exert.
+    State: for each wheel the share of the sliding friction that its bristles exert.  It is looked
+    for in what plain dry friction leaves, which it may then make superfluous.
     """
 
     identifier = "presliding_friction"
@@ -49,6 +50,7 @@ class PreslidingFriction(Effect):
     regime = "after each reversal, over a small turn of the wheel"
     confusables = ("wheel_coulomb_friction", "stribeck_friction", "torque_dead_zone")
     contains = ("wheel_coulomb_friction",)
+    only_beside = ("wheel_coulomb_friction", "stribeck_friction")
     experiments = ("slow ramp through zero", "fast reversals")
 
     def state_size(self, platform):

@@ -13,4 +13,4 @@ class TorqueRippleSecond(TorqueRipple):
     identifier = "torque_ripple_second"
     title = "Torque ripple of a second order"
     confusables = ("torque_ripple", "roller_ripple")
-    only_beside = "torque_ripple"
+    only_beside = ("torque_ripple",)
