@@ -24,7 +24,7 @@ from ident.free_run import LEAST_WINDOW, Windows, cut_windows, fitting, seen_by_
 from ident.log import Log
 from ident.recent import Recent, part_of
 from ident.restored import INSTRUMENTS, restored
-from ident.signals import delivered_torques, observed_motion
+from ident.signals import delivered_torques, internal_states, observed_motion
 from youbot_env import dynamics
 from youbot_env.backend import NUMPY
 from youbot_env.effects.base import Signals
@@ -201,7 +201,7 @@ class Linearised:
         driven = part_of(model, values, DRIVE)
         torque = self._recent.of(("torque", driven, instruments), delivered)
         s = self._signals(robot, self._middle, 0.5, ("middle", rolling), ahead)
-        wrench = robot.wrench(torque, s, rest, NUMPY)
+        wrench = robot.wrench(torque, s, self._inner(structure, log, model, values), NUMPY)
         placed = (rolling, part_of(model, values, ("inertial",)), tuple(values[:7]))
         inertia = self._recent.of(("inertia", placed), lambda: robot.inertia_at(s))
         acceleration = self._stack(robot.acceleration(wrench, s, inertia))
@@ -219,6 +219,21 @@ class Linearised:
         if ahead is None and not robot.acting("slip"):
             return acceleration, self._recent.of(("outputs", rolling, instruments), outputs)
         return acceleration, outputs()
+
+    def _inner(self, structure: Structure, log: Log, model: Model, values) -> tuple:
+        """States of the effects half way through each interval, along the measured motion.
+
+        Those of the drive have done their work already; at rest where no other law has any.
+        """
+        if not structure.bristled:
+            return structure.rest().internal
+
+        def middle() -> np.ndarray:
+            states, rows = internal_states(log, model, values), self._rows
+            return 0.5 * (states[rows] + states[rows + 1]).T
+
+        moving = part_of(model, values, (*DRIVE, "evolve", "kinematics", *INSTRUMENTS))
+        return structure.parted(self._recent.of(("states", moving), middle))
 
     @cached_property
     def _recent(self) -> Recent:

@@ -53,13 +53,16 @@ class Measured:
         The torque of an interval is held through it while velocities run on; a law of both is
         evaluated with the same torque at either end.
         """
-        rest = Structure.of(self.model).rest().internal
+        structure = Structure.of(self.model)
+        rest = structure.rest().internal
+        states = _followed(self.robot, structure, self.signals)[1] if structure.bristled else None
         torque = tuple(np.asarray(m)[:-1] for m in self.delivered)
         ends = []
         for rows in (slice(None, -1), slice(1, None)):
             s = _rows(self.signals, rows)
             s.command = tuple(np.asarray(m)[:-1] for m in self.signals.command)
-            ends.append(self.robot.wrench(torque, s, rest, NUMPY))
+            inner = rest if states is None else structure.parted(states[rows].T)
+            ends.append(self.robot.wrench(torque, s, inner, NUMPY))
         return ends[0], ends[1]
 
 
@@ -127,17 +130,17 @@ def delivered_torques(
     return np.concatenate(parts)
 
 
-def internal_states(log: Log, model: Model) -> np.ndarray:
+def internal_states(log: Log, model: Model, values=None) -> np.ndarray:
     """(N, S) states that a model's effects carry (torques of a lag, bristles) at each sample.
 
     They are followed through each contiguous piece along the measured motion, from what a long hold
-    of its first row leaves.
+    of its first row leaves.  ``values`` are others than the model's own.
     """
     structure = Structure.of(model)
     size = sum(map(len, structure.rest().internal))
     if not size:
         return np.empty((len(log.time), 0))
-    pieces = [measure(piece, model, origin=log.time[0]) for piece in log.pieces()]
+    pieces = [measure(piece, model, values, log.time[0]) for piece in log.pieces()]
     return np.concatenate([_followed(p.robot, structure, p.signals)[1] for p in pieces])
 
 

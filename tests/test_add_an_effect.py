@@ -33,7 +33,7 @@ def blocks(language):
 @pytest.fixture
 def file(tmp_path):
     """The file of the page, by itself in a folder."""
-    path = tmp_path / "caster_drag.py"
+    path = tmp_path / "turning_drag.py"
     path.write_text(blocks("python")[0], encoding="utf-8")
     return path
 
@@ -41,9 +41,9 @@ def file(tmp_path):
 @pytest.fixture
 def hidden(file):
     """A robot with the effect, which is known for one test only."""
-    assert load_effects_file(file) == ("caster_drag",)
-    yield load_model("paper").with_effects({"caster_drag": TRUTH})
-    effects.unregister("caster_drag")
+    assert load_effects_file(file) == ("turning_drag",)
+    yield load_model("paper").with_effects({"turning_drag": TRUTH})
+    effects.unregister("turning_drag")
 
 
 def test_law_is_the_same_on_floats_arrays_and_symbols(hidden):
@@ -73,12 +73,12 @@ def test_diagnosis_finds_it_and_without_it_says_outside(hidden):
         logs.append(Log(f"log{seed}", hidden.platform, **channels))
     found = diagnose(logs[0], "nominal", logs[1])
     assert found.verdict == "named"
-    assert found.named[0].best.identifier == "caster_drag"
+    assert found.named[0].best.identifier == "turning_drag"
     size = found.named[0].sizes(found.model)["c"]
     assert size.value == pytest.approx(TRUTH, rel=0.02)
     low, high = size.ci95
     assert low - 0.01 * TRUTH < TRUTH < high + 0.01 * TRUTH
-    effects.unregister("caster_drag")
+    effects.unregister("turning_drag")
     unknown = diagnose(logs[0], "nominal", logs[1])
     assert unknown.verdict == "outside_library"
     assert unknown.depends_on[0][0] == "yaw rate"
@@ -91,7 +91,7 @@ def test_commands_of_the_page_record_identify_and_control(file):
         done = run(ROOT / script, *options, folder=file.parent)
         assert done.returncode == 0, done.stderr
     log = (file.parent / "runs" / "a.csv").read_text(encoding="utf-8")
-    assert "caster" not in log.partition("\ntime,")[0]
+    assert "turning_drag" not in log.partition("\ntime,")[0]
     told, found = (re.search(r"identified ([\d.]+) %", text)[1] for text in (PAGE, done.stdout))
     assert float(found) == pytest.approx(float(told), abs=0.2)
     script = file.with_name("control.py")
@@ -125,11 +125,11 @@ def test_a_law_without_hook_or_under_a_taken_name_is_refused(file):
     file.write_text(text.replace("def body", "def bodies"), encoding="utf-8")
     with pytest.raises(ValueError, match="does nothing"):
         load_effects_file(file)
-    file.write_text(text.replace('"caster_drag"', '"wheel_slip"'), encoding="utf-8")
+    file.write_text(text.replace('"turning_drag"', '"wheel_slip"'), encoding="utf-8")
     with pytest.raises(ValueError, match="exists already"):
         load_effects_file(file)
     # The name of the class alone does not make it the same.
-    file.write_text(file.read_text(encoding="utf-8").replace("CasterDrag", "WheelSlip"), "utf-8")
+    file.write_text(file.read_text(encoding="utf-8").replace("TurningDrag", "WheelSlip"), "utf-8")
     with pytest.raises(ValueError, match="exists already"):
         load_effects_file(file)
 
@@ -139,17 +139,19 @@ def test_of_a_file_that_fails_half_way_nothing_is_known(file):
     file.write_text(f"{text}\n\nclass Bare(Effect):\n    identifier = 'bare'\n", encoding="utf-8")
     with pytest.raises(ValueError, match="'title'"):
         load_effects_file(file)
-    assert not {"bare", "caster_drag"} & set(effects.effect_names())
+    assert not {"bare", "turning_drag"} & set(effects.effect_names())
 
 
 def test_processes_that_share_the_work_know_it(file):
     options = "--controller computed_torque --reference circle --frequency 1 --plant analytic"
-    options += " --robots 2 --steps 0 --no-wrong --jobs 2 --effect caster_drag=40 --json found.json"
+    options += (
+        " --robots 2 --steps 0 --no-wrong --jobs 2 --effect turning_drag=40 --json found.json"
+    )
     script = ROOT / "scripts/evaluate.py"
     done = run(script, "--effects", str(file), *options.split(), folder=file.parent)
     assert done.returncode == 0, done.stderr
     found = json.loads((file.parent / "found.json").read_text(encoding="utf-8"))
-    assert found["setup"]["hidden"] == {"caster_drag": 40.0}
+    assert found["setup"]["hidden"] == {"turning_drag": 40.0}
     gap = next(c for c in found["claims"] if "identified + effects: gap" in c["claim"])
     assert gap["value"] > 0.98
 

@@ -87,12 +87,21 @@ class Structure:
         """Invert ``flatten``."""
         flat = tuple(flat)
         wheels = len(self.platform.wheels) if self.track_wheels else 0
-        internal, at = [], 6 + wheels
+        return State(flat[:3], flat[3:6], flat[6 : 6 + wheels], self.parted(flat[6 + wheels :]))
+
+    def parted(self, flat) -> tuple:
+        """States of the effects, from one sequence of all of them to one tuple for each effect."""
+        flat, internal, at = tuple(flat), [], 0
         for effect in self.effects:
             size = effect.state_size(self.platform)
             internal.append(flat[at : at + size])
             at += size
-        return State(flat[:3], flat[3:6], flat[6 : 6 + wheels], tuple(internal))
+        return tuple(internal)
+
+    @property
+    def bristled(self) -> bool:
+        """Whether a law beyond the drive has a memory: forces then need the effects' states."""
+        return any(e.state_size(self.platform) and not e.acts("drive") for e in self.effects)
 
     def bind(self, values) -> Robot:
         """Give the structure its values, in the order of ``Model.names()``."""

@@ -103,6 +103,12 @@ def named(identifier: str) -> Effect:
     return own[identifier]() if identifier in own else get_effect(identifier)
 
 
+def kin(hidden: tuple[str, ...]) -> tuple[str, ...]:
+    """Effects of the library that diagnosis must not know for hidden ones to lie outside it."""
+    kinds = {effect.identifier: effect.kin for effect in OUTSIDE}
+    return sum((kinds.get(identifier, ()) for identifier in hidden), ())
+
+
 def draw_hidden(identifier: str, rng: np.random.Generator, platform: Platform) -> Hidden:
     """Draw pattern and shape of an effect.
 

@@ -8,11 +8,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 from youbot_env.effects import Effect, Parameter
+from youbot_env.effects.presliding_friction import BRISTLE_SPEED, bent
 from youbot_env.effects.wheel_coulomb_friction import WIDTH
-
-# Wheel speed, rad/s, for which the time step of the bristles is chosen; their motion within a step
-# is exact for a held speed, so this is about the change of speed and not about stability.
-BRISTLE_SPEED = 4.0
 
 
 class OtherLaw(Effect):
@@ -28,8 +25,8 @@ class OtherLaw(Effect):
 class LuGreFriction(OtherLaw):
     """Dry friction of bristles that bend before they slip (LuGre), the same on all wheels.
 
-    State: the torque z_i of the bristles.  Their own damping is left to the wheel's viscous
-    friction.
+    State: the torque z_i of the bristles over F_c.  Their own damping is left to the wheel's
+    viscous friction.
     """
 
     identifier = "lugre_friction"
@@ -46,25 +43,23 @@ class LuGreFriction(OtherLaw):
         Parameter("ws", "rad/s", "Stribeck speed", 0.5, (0.1, 5.0), linear=False),
         Parameter("bend", "rad", "bend of the bristles at Fc", 0.02, (1e-3, 0.2), linear=False),
     )
-    relatives = ("wheel_coulomb_friction", "stribeck_friction")
+    relatives = ("presliding_friction", "wheel_coulomb_friction", "stribeck_friction")
 
     def state_size(self, platform):
-        """One bristle torque a wheel."""
+        """One share a wheel."""
         return len(platform.wheels)
 
     def evolve(self, p, torque, s, h, ops):
-        """Exact solution for a held wheel speed."""
-        stiffness, moved = p.fc / p.bend, []
-        for z, w in zip(s.state, s.wheel_velocity, strict=True):
-            level = p.fc + (p.fs - p.fc) * ops.exp(-(w / p.ws) * (w / p.ws))
-            rate = stiffness * ops.abs(w) / level + 1e-9
-            kept = ops.exp(-rate * h)
-            moved.append(z * kept + stiffness * w * (1.0 - kept) / rate)
+        """See ``bent``; the level is that of the present speed."""
+        moved = []
+        for y, w in zip(s.state, s.wheel_velocity, strict=True):
+            level = 1.0 + (p.fs / p.fc - 1.0) * ops.exp(-(w / p.ws) * (w / p.ws))
+            moved.append(bent(y, w, h, p.bend, level, ops))
         return tuple(moved)
 
     def shaft(self, p, s, ops):
         """See the class."""
-        return tuple(-z for z in s.state)
+        return tuple(-p.fc * y for y in s.state)
 
     def time_constant(self, p):
         """See the class."""

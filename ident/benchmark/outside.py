@@ -6,13 +6,26 @@ does not know them and no candidate is made of them.
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from youbot_env.effects import Effect, Parameter
 
 # Keeps directions differentiable at rest, (m/s)^2.
 TINY = 1e-6
 
 
-class LateralCubicDrag(Effect):
+class OutsideEffect(Effect):
+    """An effect that diagnosis is not to know.
+
+    Class attributes:
+        kin: effects of the library that mean the same phenomenon; they are left out of it while a
+            robot with this one is diagnosed.
+    """
+
+    kin: ClassVar[tuple[str, ...]] = ()
+
+
+class LateralCubicDrag(OutsideEffect):
     """Resistance against sideways motion that grows with the cube of the speed."""
 
     identifier = "lateral_cubic_drag"
@@ -27,7 +40,7 @@ class LateralCubicDrag(Effect):
         return 0.0, -p.c * vy * vy * vy, 0.0
 
 
-class SwingingLoad(Effect):
+class SwingingLoad(OutsideEffect):
     """A periodic push that follows the clock and nothing else."""
 
     identifier = "swinging_load"
@@ -48,7 +61,7 @@ class SwingingLoad(Effect):
         return p.fx * swing, p.fy * swing, 0.0
 
 
-class FloorPatches(Effect):
+class FloorPatches(OutsideEffect):
     """Patches of sticky floor, as on tiles with a worn middle."""
 
     identifier = "floor_patches"
@@ -62,6 +75,7 @@ class FloorPatches(Effect):
         Parameter("b", "rad", "phase along y", 0.0, (-7.0, 7.0), linear=False),
     )
     needs_pose = True
+    kin = ("floor_patch",)
 
     def body(self, p, s, ops):
         """See the class."""
@@ -71,7 +85,7 @@ class FloorPatches(Effect):
         return factor * s.v[0], factor * s.v[1], 0.0
 
 
-class CarpetPile(Effect):
+class CarpetPile(OutsideEffect):
     """A carpet whose pile resists motion against it and not along it."""
 
     identifier = "carpet_pile"
@@ -84,6 +98,7 @@ class CarpetPile(Effect):
                   linear=False),
     )  # fmt: skip
     needs_pose = True
+    kin = ("carpet",)
 
     def body(self, p, s, ops):
         """See the class; chi is the direction of the velocity in the world."""
@@ -94,7 +109,7 @@ class CarpetPile(Effect):
         return factor * vx, factor * vy, 0.0
 
 
-class TorqueHysteresis(Effect):
+class TorqueHysteresis(OutsideEffect):
     """Torque that follows its command with play: it stays until the command is ``b`` away."""
 
     identifier = "torque_hysteresis"

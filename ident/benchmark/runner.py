@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 
 from ident.benchmark.cases import Case, Recorded, record_case, record_experiment
+from ident.benchmark.hidden import kin
 from ident.benchmark.methods import METHODS
 from ident.benchmark.store import Store
 from ident.diagnosis.parts import choosing_until
 from ident.free_run import free_run
+from youbot_env.effects import left_out
 
 Task = tuple[str, Case]
 Method = Callable[..., dict[str, Any]]
@@ -97,12 +99,14 @@ def examine(method: str, case: Case, methods: dict[str, Method] = METHODS) -> di
         seed = int(case.children(6)[5].generate_state(1)[0])
         start = time.perf_counter()
         verify = recorded.verify if recorded.conditions.second else None
-        answer = methods[method](recorded.fit, verify, seed)
+        with left_out(*kin(case.hidden)):
+            answer = methods[method](recorded.fit, verify, seed)
         kept |= {"seconds": time.perf_counter() - start, "answer": answer}
         experiment = answer.get("experiment")
         if answer["verdict"] == "ambiguous" and experiment and recorded.exact:
             more = record_experiment(case, recorded, experiment["motion"])
-            kept["followed"] = methods[method]([recorded.fit, more], verify, seed)
+            with left_out(*kin(case.hidden)):
+                kept["followed"] = methods[method]([recorded.fit, more], verify, seed)
     except Exception:  # whatever it is, it belongs to this case and not to the run
         kept["error"] = traceback.format_exc()
     return plain(kept)

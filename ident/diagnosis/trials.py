@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.linalg import null_space
 
+from ident.dead_reckoning import dead_reckoning
 from ident.diagnosis.orders import strongest_orders
 from ident.log import Log
 from ident.restored import unknown_pose, unknown_wheel_angle
@@ -106,6 +108,8 @@ def trials(model: Model, logs: list[Log]) -> list[Trial]:
     for identifier in effect_names():
         effect = get_effect(identifier)
         known = identifier in present or any(identifier in log.recording for log in logs)
+        if effect.only_beside and not present.intersection(effect.only_beside):
+            continue
         if not known and effect.candidate and not any(map(effect_unreadable(effect), logs)):
             found += _forms(effect, model, logs[0], orders)
     return found
@@ -226,11 +230,17 @@ def _wheel_form(effect: Effect, model: Model, parameter: Parameter) -> Trial:
 
 
 def _profiles(curved: list[Parameter], log: Log, orders: tuple) -> Iterator[dict[str, float]]:
-    """Values of the nonlinear parameters: each over its profile, the others at their first."""
+    """Values of the nonlinear parameters: each over its profile, the others at their first.
+
+    Those that are crossed take all values with all.
+    """
     if not curved:
         yield {}
         return
     grids = {p.name: profile(p, log, orders) for p in curved}
+    if any(p.crossed for p in curved):
+        yield from (dict(zip(grids, sizes, strict=True)) for sizes in product(*grids.values()))
+        return
     first = {name: sizes[0] for name, sizes in grids.items()}
     tried = set()
     for name, sizes in grids.items():
@@ -250,6 +260,9 @@ def profile(parameter: Parameter, log: Log, orders: tuple = ()) -> list[float]:
         "duration": log.duration,
         "order": 1.0,
     }
+    if parameter.profile_unit == "reach":
+        place = dead_reckoning(log) if log.pose is None else log.pose
+        unit["reach"] = float(np.abs(place[:, :2]).max())
     low, high = parameter.bounds
     # A typical size of zero has no multiples; its profile is in the parameter's own unit.
     sizes = [share * (unit[parameter.profile_unit] or 1.0) for share in parameter.profile]

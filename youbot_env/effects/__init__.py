@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 import importlib
 import pkgutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 
 from youbot_env.effects.base import Effect, Parameter, Signals
@@ -15,6 +17,7 @@ __all__ = [
     "Signals",
     "effect_names",
     "get_effect",
+    "left_out",
     "register",
     "unregister",
 ]
@@ -34,6 +37,7 @@ HOOKS = (
 )
 
 _EXTRA: dict[str, type[Effect]] = {}
+_LEFT_OUT: set[str] = set()
 
 
 @cache
@@ -78,9 +82,21 @@ def unregister(identifier: str) -> None:
     _EXTRA.pop(identifier, None)
 
 
+@contextmanager
+def left_out(*identifiers: str) -> Iterator[None]:
+    """The library without some effects: diagnosis does not look for them, a robot may have them."""
+    before = set(_LEFT_OUT)
+    _LEFT_OUT.update(identifiers)
+    try:
+        yield
+    finally:
+        _LEFT_OUT.clear()
+        _LEFT_OUT.update(before)
+
+
 def effect_names() -> tuple[str, ...]:
     """Identifiers of all known effects, sorted."""
-    return tuple(sorted({**_shipped(), **_EXTRA}))
+    return tuple(sorted({**_shipped(), **_EXTRA}.keys() - _LEFT_OUT))
 
 
 def get_effect(identifier: str) -> Effect:

@@ -42,8 +42,10 @@ class Parameter:
         profile: sizes that a search tries where the law is not linear in the parameter, in units
             of ``profile_unit``.
         profile_unit: ``default`` (the typical size), ``command`` (rms of the drive input),
-            ``peak`` (its largest value) or ``duration`` (of the record).  ``order``: no profile but
-            the orders of the wheel angle at which a record repeats.
+            ``peak`` (its largest value), ``duration`` (of the record) or ``reach`` (the farthest
+            the robot comes from the origin along x or y).  ``order``: no profile but the orders of
+            the wheel angle at which a record repeats.
+        crossed: whether its profile is tried with every value of the others' profiles.
         smooth: whether the law has a derivative in the parameter; where it has none the parameter
             stays at the best of its profile.
         scope: whose value it is: ``robot`` goes with the robot from log to log, ``record`` belongs
@@ -61,6 +63,7 @@ class Parameter:
     contrast: bool = False
     profile: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0)
     profile_unit: str = "default"
+    crossed: bool = False
     smooth: bool = True
     scope: str = "robot"
     choices: tuple[str, ...] = ()
@@ -127,6 +130,7 @@ class Effect:
         confusables: identifiers of effects that look alike in most logs.
         contains: identifiers of effects that are special cases of this one.
         experiments: motions that tell them apart.
+        only_beside: identifiers of effects; diagnosis looks for this one once it has one of them.
         order: place among the effects of the same link, small first.
         needs_pose, needs_wheel_angle, needs_time: signals beyond velocity that the law reads.
         background: whether every robot has some of it, so that it is explained before anything
@@ -147,6 +151,7 @@ class Effect:
     confusables: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
     experiments: ClassVar[tuple[str, ...]] = ()
+    only_beside: ClassVar[tuple[str, ...]] = ()
     order: ClassVar[int] = 0
     needs_pose: ClassVar[bool] = False
     needs_wheel_angle: ClassVar[bool] = False

@@ -1,10 +1,20 @@
-"""What drags on the floor wherever the robot goes: a skirt, a caster, soft rollers."""
+"""What drags on the floor wherever the robot goes: a skirt, soft rollers."""
 
 from youbot_env.effects.base import Effect, Parameter
 from youbot_env.effects.wheel_coulomb_friction import WIDTH
 
 # Keeps the speed differentiable at rest, (m/s)^2; far below the speeds over which the sign turns.
 TINY = 1e-12
+
+
+def dry_drag(force, vx, vy, wheel_radius, ops) -> tuple:
+    """Force of constant size, N, against a velocity, by components (N, N).
+
+    The smooth sign is that of the wheels of a robot that drives straight at this velocity, m/s.
+    """
+    speed = ops.sqrt(vx * vx + vy * vy + TINY)
+    factor = -force * ops.tanh(speed / (wheel_radius * WIDTH)) / speed
+    return factor * vx, factor * vy
 
 
 class BodyDryFriction(Effect):
@@ -16,12 +26,11 @@ class BodyDryFriction(Effect):
     link = "body"
     parameters = (Parameter("fb", "N", "force against translation", 10.0, (0.0, 500.0)),)
     regime = "translation in any direction; turns round where the robot reverses"
-    confusables = ("wheel_coulomb_friction", "roller_coulomb_friction", "rolling_resistance")
+    confusables = ("wheel_coulomb_friction", "roller_coulomb_friction", "rolling_resistance",
+                   "caster_drag")  # fmt: skip
     experiments = ("straight runs at many headings", "plateaus at several speeds")
 
     def body(self, p, s, ops):
-        """See the class; the smooth sign is that of the wheels of a robot that drives straight."""
+        """See the class."""
         vx, vy, _ = s.v
-        speed = ops.sqrt(vx * vx + vy * vy + TINY)
-        factor = -p.fb * ops.tanh(speed / (s.platform.wheel_radius * WIDTH)) / speed
-        return factor * vx, factor * vy, 0.0
+        return *dry_drag(p.fb, vx, vy, s.platform.wheel_radius, ops), 0.0

@@ -25,7 +25,7 @@ class CableTether(Effect):
         ),
     )
     regime = "always; depends on the place"
-    confusables = ("floor_slope", "torque_offset")
+    confusables = ("floor_slope", "torque_offset", "floor_patch", "ramp")
     contains = ("floor_slope",)
     experiments = ("straight runs at four headings", "spin on the spot")
     needs_pose = True

@@ -15,7 +15,7 @@ class FloorSlope(Effect):
         Parameter("sy", "rad", "slope, pulling along world y", 0.01, (-0.2, 0.2), scope="record"),
     )
     regime = "always; turns against the body with the heading"
-    confusables = ("torque_offset", "cable_tether")
+    confusables = ("torque_offset", "cable_tether", "ramp")
     experiments = ("straight runs at four headings", "spin on the spot")
     needs_pose = True
 

@@ -15,7 +15,7 @@ class QuadraticDrag(Effect):
     link = "body"
     parameters = (Parameter("c", "N s^2/m^2", "drag coefficient", 60.0, (0.0, 1000.0)),)
     regime = "high speed"
-    confusables = ("wheel_coulomb_friction", "stribeck_friction", "wheel_slip")
+    confusables = ("wheel_coulomb_friction", "stribeck_friction", "wheel_slip", "carpet")
     experiments = ("plateaus at several speeds",)
 
     def body(self, p, s, ops):

@@ -15,7 +15,7 @@ class RollerCoulombFriction(Effect):
     link = "roller"
     parameters = (Parameter("tc", "N m", "dry friction torque of a roller", 0.012, (0.0, 0.5)),)
     regime = "sideways motion and turning"
-    confusables = ("yaw_scrub_friction", "body_dry_friction")
+    confusables = ("yaw_scrub_friction", "body_dry_friction", "caster_drag")
     experiments = ("straight runs at four headings", "spin on the spot")
 
     def roller(self, p, s, ops):

@@ -34,7 +34,7 @@ class RollerRipple(Effect):
                   profile=(0.0, -0.4, -0.2, 0.2, 0.4), smooth=False),
     )  # fmt: skip
     regime = "sideways motion and turning; repeats six times a wheel turn"
-    confusables = ("torque_ripple", "wheel_slip")
+    confusables = ("torque_ripple", "torque_ripple_second", "wheel_slip")
     experiments = ("straight runs at four headings", "slow ramp through zero")
     order = -10
     needs_wheel_angle = True

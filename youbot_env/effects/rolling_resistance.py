@@ -28,7 +28,8 @@ class RollingResistance(Effect):
     link = "shaft"
     parameters = (Parameter("crr", "", "coefficient of rolling resistance", 0.02, (0.0, 0.3)),)
     regime = "all speeds; shared out between the wheels by load"
-    confusables = ("wheel_coulomb_friction", "load_dependent_friction", "body_dry_friction")
+    confusables = ("wheel_coulomb_friction", "load_dependent_friction", "body_dry_friction",
+                   "caster_drag")  # fmt: skip
     experiments = ("payload", "slow ramp through zero")
 
     def shaft(self, p, s, ops):

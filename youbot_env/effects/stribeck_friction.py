@@ -31,7 +31,7 @@ class StribeckFriction(Effect):
         ),
     )
     regime = "reversals and slow motion"
-    confusables = ("wheel_coulomb_friction", "torque_dead_zone")
+    confusables = ("wheel_coulomb_friction", "torque_dead_zone", "presliding_friction")
     contains = ("wheel_coulomb_friction",)
     experiments = ("slow ramp through zero", "fast reversals")
 

@@ -15,7 +15,8 @@ class TorqueDeadZone(Effect):
                   profile=(0.03, 0.06, 0.12, 0.25), profile_unit="command"),
     )  # fmt: skip
     regime = "small torques and their reversals"
-    confusables = ("wheel_coulomb_friction", "stribeck_friction", "load_dependent_friction")
+    confusables = ("wheel_coulomb_friction", "stribeck_friction", "load_dependent_friction",
+                   "presliding_friction")  # fmt: skip
     experiments = ("slow ramp through zero", "fast reversals")
     order = 30
 

@@ -12,7 +12,7 @@ class TorqueOffset(Effect):
     link = "drive"
     parameters = (Parameter("b", "N m", "zero error", 0.1, (-2.0, 2.0), per_wheel=True),)
     regime = "always, also at rest; does not turn with the heading"
-    confusables = ("floor_slope", "wheel_friction_asymmetry")
+    confusables = ("floor_slope", "wheel_friction_asymmetry", "direction_dependent_friction")
     experiments = ("spin on the spot", "straight runs at four headings")
     order = 20
 

@@ -29,7 +29,7 @@ class TorqueRipple(Effect):
         ),
     )
     regime = "repeats with the wheel angle"
-    confusables = ("roller_ripple",)
+    confusables = ("roller_ripple", "torque_ripple_second")
     experiments = ("single wheel", "slow ramp through zero", "plateaus at several speeds")
     needs_wheel_angle = True
 

@@ -17,7 +17,8 @@ class WheelCoulombFriction(Effect):
     parameters = (Parameter("fc", "N m", "dry friction torque", 0.2, (0.0, 5.0), per_wheel=True),)
     regime = "all speeds; a step when a wheel reverses"
     confusables = ("stribeck_friction", "rolling_resistance", "torque_dead_zone",
-                   "load_dependent_friction", "body_dry_friction")  # fmt: skip
+                   "load_dependent_friction", "body_dry_friction", "caster_drag",
+                   "direction_dependent_friction", "presliding_friction")  # fmt: skip
     experiments = ("slow ramp through zero", "plateaus at several speeds")
 
     def shaft(self, p, s, ops):

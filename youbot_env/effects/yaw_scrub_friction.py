@@ -13,7 +13,8 @@ class YawScrubFriction(Effect):
     link = "body"
     parameters = (Parameter("ts", "N m", "moment against turning", 2.0, (0.0, 50.0)),)
     regime = "turning only; a step when the turn reverses"
-    confusables = ("roller_coulomb_friction", "wheel_coulomb_friction", "rolling_resistance")
+    confusables = ("roller_coulomb_friction", "wheel_coulomb_friction", "rolling_resistance",
+                   "caster_drag")  # fmt: skip
     experiments = ("spin on the spot", "straight runs at four headings")
 
     def body(self, p, s, ops):
