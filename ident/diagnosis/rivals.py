@@ -267,7 +267,11 @@ def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate |
 
 
 def ranked(
-    found: list[Candidate], role: np.ndarray, before: np.ndarray, group: np.ndarray
+    found: list[Candidate],
+    loss: list[np.ndarray],
+    role: np.ndarray,
+    before: np.ndarray,
+    group: np.ndarray,
 ) -> list[Candidate]:
     """The group that cannot be told apart, best first.
 
@@ -276,6 +280,7 @@ def ranked(
 
     Args:
         found: candidates.
+        loss: (W,) mean squared scaled error of each window, of every candidate.
         role: (W,) roles of the windows.
         before: (W,) losses without any of them.
         group: (W,) number of what is independent, windows or whole runs, that each belongs to.
@@ -285,7 +290,7 @@ def ranked(
         if np.any(role == kind):
             scale[role == kind] = before[role == kind].mean()
 
-    losses, chosen = {id(c): c.loss / scale for c in found}, found
+    losses, chosen = {id(c): one / scale for c, one in zip(found, loss, strict=True)}, found
     if np.any(role == SELECT):
         chosen = _alike(chosen, losses, role == SELECT, group)
     chosen = _alike(chosen, losses, role != VERIFY, group)

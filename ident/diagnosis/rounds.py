@@ -13,7 +13,7 @@ from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.forces import feigned
 from ident.diagnosis.pairs import best_pair
-from ident.diagnosis.parts import FIT, SELECT, Part
+from ident.diagnosis.parts import FIT, SELECT, Part, by_axis
 from ident.diagnosis.rivals import Candidate, candidate, ranked, window_losses
 from ident.diagnosis.shortlist import LEAST_GAIN, SIGNIFICANT, Shortlist, gain_of
 from ident.diagnosis.trials import Trial, trials
@@ -42,6 +42,7 @@ class Round:
 
     Attributes:
         parts: the logs.
+        judged: the same, weighed so that gains on one axis count whatever is left on the others.
         simulations: each simulated with the model.
         evidence: about every trial.
         generic: dependences that compete with them.
@@ -54,6 +55,7 @@ class Round:
     """
 
     parts: list[Part]
+    judged: list[Part]
     simulations: tuple[Linearised, ...]
     evidence: Evidence
     generic: list[Dependence]
@@ -78,7 +80,8 @@ class Round:
         """Try everything on top of the model that the logs are simulated with."""
         model, logs = simulations[0].model, [part.log for part in parts]
         with np.errstate(all="ignore"):
-            evidence = Evidence.of(parts, list(simulations), trials(model, logs), [])
+            judged = by_axis(parts, simulations)
+            evidence = Evidence.of(judged, list(simulations), trials(model, logs), [])
         gains = np.array([gain_of(evidence, k) for k in range(len(evidence.columns))])
         weights = parts[0].weights
         noise = noise_floor(simulations[0]).of(weights)
@@ -86,7 +89,7 @@ class Round:
         loss = window_losses(parts, simulations)
         error = float(loss[evidence.role == FIT].mean())
         rolling = float(np.mean(rolling_variance(parts[0].log) * weights**2))
-        return cls(parts, simulations, evidence, generic, gains, p, noise, rolling, loss,
+        return cls(parts, judged, simulations, evidence, generic, gains, p, noise, rolling, loss,
                    origin or error, unexplained or error)  # fmt: skip
 
     @cached_property
@@ -156,9 +159,24 @@ class Round:
         """
         found = [candidate(self.parts, self.evidence, k) for k in self.shortlist.worth_refining()]
         found = [c for c in found if c is not None and self.helps(c)]
+        if not found and np.any(self.evidence.role == SELECT):
+            hopes = [candidate(self.parts, self.evidence, k) for k in self.shortlist.hopeful()]
+            found = [c for c in hopes if c is not None and self.surpasses(c)]
         if present is not None and present.identifier not in {c.identifier for c in found}:
             found.append(present)
-        return ranked(found, self.evidence.role, self.loss, self._independent) if found else []
+        if not found:
+            return []
+        losses = [self._judge(c) for c in found]
+        return ranked(found, losses, self.evidence.role, self._before, self._independent)
+
+    @cached_property
+    def _before(self) -> np.ndarray:
+        """(W,) losses without any effect, as candidates are judged."""
+        return window_losses(self.judged, self.simulations)
+
+    def _judge(self, found: Candidate) -> np.ndarray:
+        """(W,) losses with a candidate, as candidates are judged."""
+        return window_losses(self.judged, found.simulations)
 
     @property
     def _independent(self) -> np.ndarray:
@@ -183,9 +201,8 @@ class Round:
 
     def _left(self, group: list[Candidate]) -> float:
         """Excess that the best of a group leaves."""
-        if not group:
-            return self.excess
-        return float(group[0].loss[self.evidence.role == FIT].mean()) - self.floor
+        left = 1.0 - self._gain_of(group[0]) if group else 1.0
+        return left * self.error - self.floor
 
     def dependences(self) -> list[tuple[str, float]]:
         """Signals that a generic dependence is found on, and its gain, strongest first."""
@@ -224,12 +241,18 @@ class Round:
 
         The forces at the measured motion must not speak against it.
         """
-        roles = self.evidence.role
+        least = min(self._gains_of(found))
+        return least > 0.5 * LEAST_GAIN and not feigned(found.simulations, found.identifier)
+
+    def surpasses(self, found: Candidate) -> bool:
+        """Tell whether a refined effect gains what its linear trace did not foretell."""
+        return self.helps(found) and all(map(self.shortlist.enough, self._gains_of(found)))
+
+    def _gains_of(self, found: Candidate) -> list[float]:
+        """Shares of squared error that a refined effect removes, of every kind of window."""
+        now, before, roles = self._judge(found), self._before, self.evidence.role
         kinds = [roles == role for role in (FIT, SELECT) if np.any(roles == role)]
-        return all(
-            found.loss[k].mean() < (1 - 0.5 * LEAST_GAIN) * self.loss[k].mean() for k in kinds
-        ) and not feigned(found.simulations, found.identifier)
+        return [1.0 - float(now[k].mean() / before[k].mean()) for k in kinds]
 
     def _gain_of(self, found: Candidate) -> float:
-        fitted = self.evidence.role == FIT
-        return 1.0 - found.loss[fitted].mean() / self.error
+        return self._gains_of(found)[0]
