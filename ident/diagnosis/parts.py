@@ -147,7 +147,7 @@ def by_axis(parts: list[Part], simulations: tuple[Linearised, ...]) -> list[Part
     for role in (FIT, SELECT):
         if any(part.windows(role).any() for part in parts):
             error = _by_axis(parts, simulations, role)
-            floors = [noise_floor(s, p.weights)[1] for p, s in zip(parts, simulations, strict=True)
+            floors = [sum(noise_floor(s)) for p, s in zip(parts, simulations, strict=True)
                       if p.windows(role).any()]  # fmt: skip
             beyond = np.maximum(1.0 - np.mean(floors, axis=0) / error, LEAST_SHARE)
             weights[role] = np.sqrt(beyond / error)

@@ -266,6 +266,15 @@ def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate |
     return Candidate(trial.identifier, number, refined, simulations, loss, count)
 
 
+def beside(parts: list[Part], first: Candidate, second: Candidate) -> Candidate:
+    """The second effect refined together with the first."""
+    kept = {a.identifier: a.values for a in first.model.effects}
+    both = first.model.with_effects({**kept, second.identifier: second.values})
+    refined, simulations = refit(parts, both, tolerance=ROUGH)
+    loss = window_losses(parts, simulations)
+    return replace(second, refined=refined, simulations=simulations, loss=loss)
+
+
 def ranked(
     found: list[Candidate],
     loss: list[np.ndarray],

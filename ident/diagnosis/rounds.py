@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from scipy import stats
@@ -14,7 +15,7 @@ from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.forces import feigned
 from ident.diagnosis.pairs import best_pair
 from ident.diagnosis.parts import FIT, SELECT, Part, by_axis
-from ident.diagnosis.rivals import Candidate, candidate, ranked, window_losses
+from ident.diagnosis.rivals import Candidate, beside, candidate, ranked, window_losses
 from ident.diagnosis.shortlist import LEAST_GAIN, SIGNIFICANT, Shortlist, gain_of
 from ident.diagnosis.trials import Trial, trials
 from ident.free_run import cut_windows
@@ -159,9 +160,6 @@ class Round:
         """
         found = [candidate(self.parts, self.evidence, k) for k in self.shortlist.worth_refining()]
         found = [c for c in found if c is not None and self.helps(c)]
-        if not found and np.any(self.evidence.role == SELECT):
-            hopes = [candidate(self.parts, self.evidence, k) for k in self.shortlist.hopeful()]
-            found = [c for c in hopes if c is not None and self.surpasses(c)]
         if present is not None and present.identifier not in {c.identifier for c in found}:
             found.append(present)
         if not found:
@@ -244,9 +242,41 @@ class Round:
         least = min(self._gains_of(found))
         return least > 0.5 * LEAST_GAIN and not feigned(found.simulations, found.identifier)
 
-    def surpasses(self, found: Candidate) -> bool:
-        """Tell whether a refined effect gains what its linear trace did not foretell."""
-        return self.helps(found) and all(map(self.shortlist.enough, self._gains_of(found)))
+    def hoped(self) -> list[Candidate]:
+        """One effect or two that refined gain what linear traces do not foretell; best last.
+
+        Friction that stops a robot hides what happens on another axis, so that two may show that
+        neither shows alone.  Windows decide that nothing was fitted to; without any there is no
+        hope.  Of a pair the one comes first that gains more by itself, then both together.
+        """
+        if not np.any(self.evidence.role == SELECT):
+            return []
+        tried = [candidate(self.parts, self.evidence, k) for k in self.shortlist.hopeful()]
+        alone = [c for c in tried if c is not None and self.helps(c)]
+        gains = {c.identifier: self._gains_of(c) for c in alone}
+        alone.sort(key=lambda c: -gains[c.identifier][-1])
+        best: list[Candidate] = []
+        most = 0.0
+        for chosen in ([c] for c in alone):
+            if self._enough(chosen[0]) and gains[chosen[0].identifier][-1] > most:
+                best, most = chosen, gains[chosen[0].identifier][-1]
+        for first, second in combinations(alone, 2):
+            both = beside(self.parts, first, second)
+            now = self._gains_of(both)
+            more = [
+                1.0 - (1.0 - g) / (1.0 - max(one))
+                for g, *one in zip(
+                    now, *(gains[c.identifier] for c in (first, second)), strict=True
+                )
+            ]
+            if min(more) > 0.5 * LEAST_GAIN and self._enough(both) and self.helps(both):
+                gain = now[-1]
+                if 1.0 - (1.0 - gain) / (1.0 - most) > LEAST_GAIN:
+                    best, most = [first, both], gain
+        return best
+
+    def _enough(self, found: Candidate) -> bool:
+        return all(map(self.shortlist.enough, self._gains_of(found)))
 
     def _gains_of(self, found: Candidate) -> list[float]:
         """Shares of squared error that a refined effect removes, of every kind of window."""

@@ -94,14 +94,14 @@ class Shortlist:
         return (worth + self._best_forms(rivals))[:MOST]
 
     def hopeful(self) -> list[int]:
-        """Trials that do not pass by their linear trace, but may when refined; best first."""
+        """Trials that do not pass by their linear trace, but may when refined, in their best forms."""
         explained = self.evidence.explained
         found = [
             k
             for k in self._admissible()
             if self.enough(explained(k), HOPE * LEAST_GAIN) and self._named(k)
         ]
-        return sorted(self._best_forms(found), key=explained, reverse=True)[:MOST]
+        return self._best_forms(found)
 
     def _best_forms(self, numbers: list[int]) -> list[int]:
         """The best form of each effect, best first."""
