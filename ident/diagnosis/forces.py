@@ -32,10 +32,10 @@ DENIED, SURE = 0.5, 2.0
 # that simulated robots had at full size, two thirds of them with real rollers or lasting noise, the
 # farthest reached 0.93 and 1.04; laws that stood for another one 0.64 to 0.87 and 1.3.
 OFF = 0.1
-# An axis along which the robot moves with less than this share of its speed, or of the
-# log's rms, is not judged then.  It stands there but for drift and for what the sensor sees of the
-# other axes, and friction holds whatever it has to: rollers of a real robot had 0.1 +- 0.15 of a friction in all rows and 1.0 in
-# those in which they turn.
+# An axis along which the robot moves with less than this share of its speed, or of the log's rms,
+# is not judged then.  It stands there but for drift and for what the sensor sees of other axes, and
+# friction holds whatever it has to: rollers of a real robot had 0.1 +- 0.15 of a friction in all
+# rows and 1.1 +- 0.15 in those in which they turn.
 MOVES = 0.25
 # Links of laws that are forces at the measured motion; other laws change that motion itself.
 FORCES = ("shaft", "roller", "body", "drive", "inertial")

@@ -94,7 +94,7 @@ class Shortlist:
         return (worth + self._best_forms(rivals))[:MOST]
 
     def hopeful(self) -> list[int]:
-        """Trials that do not pass by their linear trace, but may when refined, in their best forms."""
+        """Trials that may pass when refined though their linear traces do not; best forms."""
         explained = self.evidence.explained
         found = [
             k
