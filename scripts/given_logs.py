@@ -13,6 +13,7 @@ from typing import Annotated, get_type_hints
 import console
 import typer
 
+from ident.disagreement import with_disagreement
 from ident.doctor import LogError
 from ident.loaders import find_loader
 from ident.log import YOUBOT_TABLE, Log
@@ -121,7 +122,8 @@ class LogOptions:
         refuse_double([*found[0], *found[1]])
         refuse_two_robots([*found[0], *found[1]])
         named = told_once(with_own_names([*found[0], *found[1]]))
-        return named[: len(found[0])], named[len(found[0]) :]
+        fitted, tests = named[: len(found[0])], named[len(found[0]) :]
+        return fitted, with_disagreement(fitted, tests, model) if tests else tests
 
     def given(self, model: Model) -> GivenPlatform | None:
         """The platform of an option or of a model that has its own; None where logs may say it."""
