@@ -22,6 +22,7 @@ from ident.regression import Regression, build_regression
 from youbot_env.model import Model
 from youbot_env.parameters import UNITS
 
+NAME = "differs"
 # Laws of dry friction beside the seven parameters: without them they would bend the others.
 FRICTION = ("wheel_coulomb_friction", "roller_coulomb_friction", "body_dry_friction")
 # What may differ: a name, the parameter, and what would make it so.
@@ -60,6 +61,18 @@ def with_disagreement(logs: Sequence[Log], tests: Sequence[Log], model: Model) -
         return list(tests)
     known = _solved(fitted)
     return [_told(log, fitted, known, start) for log in tests]
+
+
+def beside_other_robot(verdict: str, reason: str, tests: Sequence[Log]) -> tuple[str, str]:
+    """Verdict and reason of a diagnosis that was judged by logs of a robot that differs.
+
+    What is left on these may be the difference, which no effect should stand for.
+    """
+    apart = [f"{log.name}: {f.what}" for log in tests for f in log.findings if f.name == NAME]
+    if not apart:
+        return verdict, reason
+    verdict = "cannot_say" if verdict == "outside_library" else verdict
+    return verdict, "; ".join((reason, *apart))
 
 
 def _told(log: Log, fitted: Regression, known: np.ndarray, model: Model) -> Log:
@@ -102,7 +115,7 @@ def _told(log: Log, fitted: Regression, known: np.ndarray, model: Model) -> Log:
         "not",
         "against the fitted logs",
         "judge by a log of the same load, floor and battery, or fit each log by itself",
-        "differs",
+        NAME,
     )
     return replace(log, findings=(*log.findings, finding))
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ident.diagnosis.verdict import diagnose
 from ident.disagreement import with_disagreement
 from ident.log import Log
 from youbot_env.model_file import load_model
@@ -86,3 +87,12 @@ def test_the_finding_stands_in_text_and_json(script, tmp_path, fitted):
     assert "the robot is not the one of the fitted log" in " ".join(out.split())
     found = json.loads((tmp_path / "r.json").read_text())["findings"]
     assert [(f["log"], f["name"]) for f in found] == [("b", "differs")]
+
+
+def test_what_another_load_leaves_is_not_called_outside_the_library(fitted):
+    robot = PAPER.with_effects({"wheel_coulomb_friction": 0.3})
+    tests = with_disagreement([fitted], [record(robot, 2)], PAPER)
+    found = diagnose(fitted, "nominal", tests)
+    assert found.verdict == "cannot_say"
+    assert "not the one of the fitted log" in found.reason
+    assert found.as_dict()["named"] == []

@@ -23,6 +23,7 @@ from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, chain_of, with_steps
 from ident.diagnosis.trials import behind_gap
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
+from ident.disagreement import beside_other_robot
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
 from ident.observability import FAINT
@@ -179,7 +180,8 @@ def diagnose(
     recording = told(records, fits, last)
     last = with_unknown_hold(last, recording, records[0].original)
     forces = confirmations(fits, last, [step.best.identifier for step in steps])
-    verdict, reason = _judge(steps, errors, outside, first, now, forces)
+    judged = _judge(steps, errors, outside, first, now, forces)
+    verdict, reason = beside_other_robot(*judged, tests)
     if verdict == "ambiguous":
         tell("looking for a motion that separates them")
     return Diagnosis(
