@@ -29,7 +29,8 @@ FEIGNED = (0.3, 0.15)
 # a second.
 EACH = 8
 # Steps of a refinement: where an effect was added the start is close, where one was taken away not.
-STEPS, PATIENT = 8, 16
+# Two effects that start from where each was alone need few to be compared with other pairs.
+STEPS, PATIENT, FEW = 8, 16, 3
 # What a step removes when it was the last one worth taking; less care suffices to compare effects.
 TOLERANCE, ROUGH, FINE = 1e-5, 1e-3, 1e-6
 # Share of the squared error on its first part that another record's own values must remove.
@@ -267,10 +268,10 @@ def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate |
 
 
 def beside(parts: list[Part], first: Candidate, second: Candidate) -> Candidate:
-    """The second effect refined together with the first."""
+    """The second effect refined together with the first, from where each was alone."""
     kept = {a.identifier: a.values for a in first.model.effects}
     both = first.model.with_effects({**kept, second.identifier: second.values})
-    refined, simulations = refit(parts, both, tolerance=ROUGH)
+    refined, simulations = refit(parts, both, FEW, tolerance=ROUGH)
     loss = window_losses(parts, simulations)
     return replace(second, refined=refined, simulations=simulations, loss=loss)
 

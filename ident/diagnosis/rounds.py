@@ -243,11 +243,14 @@ class Round:
         return least > 0.5 * LEAST_GAIN and not feigned(found.simulations, found.identifier)
 
     def hoped(self) -> list[Candidate]:
-        """One effect or two that refined gain what linear traces do not foretell; best last.
+        """One effect or two that gain when refined what linear traces do not foretell.
 
         Friction that stops a robot hides what happens on another axis, so that two may show that
         neither shows alone.  Windows decide that nothing was fitted to; without any there is no
-        hope.  Of a pair the one comes first that gains more by itself, then both together.
+        hope.
+
+        Returns:
+            None, one, or two, the second refined beside the first.
         """
         if not np.any(self.evidence.role == SELECT):
             return []
@@ -255,24 +258,16 @@ class Round:
         alone = [c for c in tried if c is not None and self.helps(c)]
         gains = {c.identifier: self._gains_of(c) for c in alone}
         alone.sort(key=lambda c: -gains[c.identifier][-1])
-        best: list[Candidate] = []
-        most = 0.0
-        for chosen in ([c] for c in alone):
-            if self._enough(chosen[0]) and gains[chosen[0].identifier][-1] > most:
-                best, most = chosen, gains[chosen[0].identifier][-1]
+        best = [c for c in alone if self._enough(c)][:1]
+        most = gains[best[0].identifier][-1] if best else 0.0
         for first, second in combinations(alone, 2):
             both = beside(self.parts, first, second)
             now = self._gains_of(both)
-            more = [
-                1.0 - (1.0 - g) / (1.0 - max(one))
-                for g, *one in zip(
-                    now, *(gains[c.identifier] for c in (first, second)), strict=True
-                )
-            ]
-            if min(more) > 0.5 * LEAST_GAIN and self._enough(both) and self.helps(both):
-                gain = now[-1]
-                if 1.0 - (1.0 - gain) / (1.0 - most) > LEAST_GAIN:
-                    best, most = [first, both], gain
+            halves = zip(now, gains[first.identifier], gains[second.identifier], strict=True)
+            needed = min(_further(gain, max(half)) for gain, *half in halves)
+            better = _further(now[-1], most) > LEAST_GAIN
+            if better and needed > 0.5 * LEAST_GAIN and self._enough(both) and self.helps(both):
+                best, most = [first, both], now[-1]
         return best
 
     def _enough(self, found: Candidate) -> bool:
@@ -286,3 +281,8 @@ class Round:
 
     def _gain_of(self, found: Candidate) -> float:
         return self._gains_of(found)[0]
+
+
+def _further(gain: float, before: float) -> float:
+    """Share of what one gain leaves that a larger one removes."""
+    return 1.0 - (1.0 - gain) / (1.0 - before)
