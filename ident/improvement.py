@@ -125,7 +125,7 @@ def improve(
     factor, errors = float(stdtrit(max(windows - 1, 1), 0.975)), found.errors
     way = max(errors.before - errors.floor, 1e-12)
     stages: list[Stage] = []
-    chain = found.chain if found.verdict in KEPT else found.chain[:1]
+    chain = found.chain if _kept(found) else found.chain[:1]
     for number, (added, refined) in enumerate(chain):
         base = _base(found.first.parts, refined, factor)
         nrmse, covered = errors.nrmse[number], (errors.before - errors.nrmse[number]) / way
@@ -135,6 +135,16 @@ def improve(
     parameters = {key: q for key, q in last.base.items() if key not in LUMPS}
     final = annotated(replace(last.model, name=name), parameters, METHOD, logs)
     return Improvement(found, tuple(stages), final)
+
+
+def _kept(found: Diagnosis) -> bool:
+    """Tell whether the final model keeps what was added.
+
+    So it does where something else is missing as well, if the error certainly falls: such a model
+    foretells the robot better, whatever the right name of what it lacks.
+    """
+    certain = found.errors.drop_ci95[0] > 0.0 and found.errors.after < found.errors.before
+    return found.verdict in KEPT or (found.verdict == "outside_library" and certain)
 
 
 def _base(parts: list[Part], model: Model, factor: float) -> dict[str, Quantity]:

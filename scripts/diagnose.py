@@ -23,6 +23,7 @@ from given_logs import (
 
 from ident.diagnosis.verdict import Diagnosis, diagnose
 from ident.recording_words import in_words
+from ident.report.diagnose import UNTRIED, diagnosis_page, untried_lines
 from ident.report.findings import accepted, finding_lines, findings_json
 from youbot_env.model_file import load_model
 
@@ -62,10 +63,8 @@ def main(
     result = found.as_dict() | {"findings": findings_json(everything), "provenance": history}
     console.write_json(json_file, result)
     if report is not None:
-        from ident.report.diagnose import diagnosis_page
-
         page = diagnosis_page(found, console.in_words(history), everything)
-        console.out.print(f"\npage: {console.shown(page.write(report))}", soft_wrap=True)
+        console.out.print(f"\npage: {page.write(report)}", soft_wrap=True)
 
 
 def show(found: Diagnosis) -> None:
@@ -91,6 +90,7 @@ def show(found: Diagnosis) -> None:
             ("effect", "p adjusted", "gain %", "size", "unit", "smallest seen", "power %"),
             tried,
         )
+    console.section(UNTRIED, untried_lines(found))
 
 
 if __name__ == "__main__":

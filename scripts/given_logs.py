@@ -13,6 +13,8 @@ from typing import Annotated, get_type_hints
 import console
 import typer
 
+from ident.diagnosis.fitness import LEAST_SECONDS
+from ident.disagreement import with_disagreement
 from ident.doctor import LogError
 from ident.loaders import find_loader
 from ident.log import YOUBOT_TABLE, Log
@@ -121,7 +123,10 @@ class LogOptions:
         refuse_double([*found[0], *found[1]])
         refuse_two_robots([*found[0], *found[1]])
         named = told_once(with_own_names([*found[0], *found[1]]))
-        return named[: len(found[0])], named[len(found[0]) :]
+        fitted, tests = (
+            long_together(part) for part in (named[: len(found[0])], named[len(found[0]) :])
+        )
+        return fitted, with_disagreement(fitted, tests, model) if tests else tests
 
     def given(self, model: Model) -> GivenPlatform | None:
         """The platform of an option or of a model that has its own; None where logs may say it."""
@@ -272,6 +277,14 @@ def told_once(logs: list[Log]) -> list[Log]:
         first |= any(f.what == YOUBOT_TABLE for f in log.findings)
         told.append(log if len(kept) == len(log.findings) else replace(log, findings=kept))
     return told
+
+
+def long_together(logs: list[Log]) -> list[Log]:
+    """Logs without the warning that each is short, where they are given with enough others."""
+    if sum(log.duration for log in logs) < LEAST_SECONDS:
+        return logs
+    return [replace(log, findings=tuple(f for f in log.findings if f.name != "short"))
+            for log in logs]  # fmt: skip
 
 
 def used_model(model: Model, logs: list[Log]) -> Model:

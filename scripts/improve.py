@@ -31,6 +31,7 @@ from controllers.evaluation.subjects import Subject
 from ident.improvement import Improvement, improve
 from ident.log import Log
 from ident.recording_words import in_words
+from ident.report.diagnose import UNTRIED, untried_lines
 from ident.report.findings import accepted, finding_lines, findings_json
 from ident.report.improve import (
     ERRORS_HEAD,
@@ -211,6 +212,7 @@ def tell(
     ])  # fmt: skip
     console.section("What the rest depends on", [f"{s}, {100 * g:.0f} % of the squared error"
             for s, g in found.depends_on])  # fmt: skip
+    console.section(UNTRIED, untried_lines(found))
     if found.experiment is not None:
         console.section("What to record next", [found.experiment.command])
     console.section("What the controllers gain", gains)

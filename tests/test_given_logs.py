@@ -10,6 +10,7 @@ import pytest
 from foreign_logs import make, write_duty
 
 from ident.doctor import LogError
+from ident.doctor.finding import Finding
 from ident.log import YOUBOT_TABLE, Log
 from ident.remembered import remember
 from youbot_env.model_file import load_model
@@ -208,3 +209,11 @@ def test_models_of_the_youbots_table_follow_the_logs(given, tmp_path):
     assert [m.platform.name for m in models] == ["mecanum", "mecanum", "own"]
     models = given.LogOptions(platform="given").used_models([own], [log])
     assert models[0].platform == log.platform
+
+
+def test_short_logs_that_together_hold_enough_are_not_told_to_be_short(given):
+    log = Log.load(given.FIT)
+    short = Finding("warning", "the log lasts only 12 s", "file", "record longer", "short")
+    parts = [replace(log.part(t, t + 12.0), findings=(short,)) for t in (0.0, 15.0)]
+    assert given.long_together(parts[:1]) == parts[:1]
+    assert not any(part.findings for part in given.long_together(parts))

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 import yaml
 from spoiled_logs import good_frame, put, scale, text_of
 
 from ident.log import Log
 from ident.pooling import joined
+from youbot_env.model_file import load_model
+from youbot_env.references import make_reference
+from youbot_env.simulation import Sensors, record_closed_loop
 
 COMMANDS = {
     "identify.py": ("--out", "m.yaml", "--report", "page"),
@@ -84,3 +88,16 @@ def test_a_converted_log_remembers_what_bends_its_geometry(script, tmp_path, ben
 def test_joined_logs_keep_what_was_accepted(bent):
     log = Log.load(bent, accept=("lever",))
     assert joined([log, log]).accepted == ("lever",)
+
+
+def test_what_the_motion_does_not_excite_is_told_with_the_motion_to_record(script, tmp_path):
+    robot, times = load_model("nominal"), np.arange(2500) / 100
+    motion = make_reference("III", speed=0.3)
+    channels = record_closed_loop(robot, motion, times, Sensors(), seed=0)
+    path = Log("straight", robot.platform, **channels).save(tmp_path / "straight.csv")
+    _, out, _ = script("diagnose.py", path, "--json", "result.json", "--report", "page")
+    reason = "the robot hardly turns; record a spin on the spot"
+    untried = json.loads((tmp_path / "result.json").read_text())["untried"]
+    assert untried["yaw_scrub_friction"] == reason
+    assert reason in " ".join(out.split())
+    assert reason in (tmp_path / "page" / "index.html").read_text()

@@ -32,6 +32,11 @@ DENIED, SURE = 0.5, 2.0
 # that simulated robots had at full size, two thirds of them with real rollers or lasting noise, the
 # farthest reached 0.93 and 1.04; laws that stood for another one 0.64 to 0.87 and 1.3.
 OFF = 0.1
+# An axis along which the robot moves with less than this share of its speed, or of the log's rms,
+# is not judged then.  It stands there but for drift and for what the sensor sees of other axes, and
+# friction holds whatever it has to: rollers of a real robot had 0.1 +- 0.15 of a friction in all
+# rows and 1.1 +- 0.15 in those in which they turn.
+MOVES = 0.25
 # Links of laws that are forces at the measured motion; other laws change that motion itself.
 FORCES = ("shaft", "roller", "body", "drive", "inertial")
 
@@ -89,9 +94,9 @@ def force_share(log: Log, model: Model, identifier: str) -> ForceShare | None:
     alone = replace(model, effects=tuple(a for a in model.effects if a.identifier != identifier))
     base, full = build_regression(log, alone), build_regression(log, model)
     left, right = _residual(base, alone), _residual(full, model)
-    trace = (left - right).ravel()
+    kept = _moved(log, base.time)
+    trace, y, columns = (left - right)[kept], left[kept], base.H[..., :7][kept]
     size = float(np.linalg.norm(trace))
-    columns, y = base.H[..., :7].reshape(len(trace), 7), left.ravel()
     if not np.isfinite(size) or size <= 1e-12 * np.linalg.norm(y):
         return None
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
@@ -103,6 +108,14 @@ def force_share(log: Log, model: Model, identifier: str) -> ForceShare | None:
     blocks = np.array_split(np.arange(len(y)), BLOCKS)
     scores = np.array([own[block] @ error[block] for block in blocks])
     return ForceShare(value, float(np.linalg.norm(scores) / (own @ own)))
+
+
+def _moved(log: Log, time: np.ndarray) -> np.ndarray:
+    """(N, 3) along which axes the robot really moves at times (N,)."""
+    v = np.column_stack([np.interp(time, log.time, axis) for axis in log.velocity().T])
+    v = np.abs(v * (1.0, 1.0, log.platform.lever))
+    speed = np.linalg.norm(v, axis=1, keepdims=True)
+    return v >= MOVES * np.maximum(speed, np.sqrt(np.mean(speed**2)))
 
 
 def _residual(regression: Regression, model: Model) -> np.ndarray:

@@ -10,6 +10,7 @@ from ident.diagnosis.judge import INERTIAL
 from ident.free_run import cut_windows
 from ident.free_values import smooth_names
 from ident.log import Log
+from ident.noise_floor import noise_floor
 from ident.scaled_fit import independent, output_weights, settled
 from ident.sensitivity import Linearised, window_length
 from youbot_env.model import Model
@@ -22,6 +23,8 @@ FEWEST = 8
 # Where there is no second log, every so many windows of the first are kept for the end; of so many
 # runs or more, whole ones.
 KEPT = 5
+# An axis of which noise leaves no more than this share of its error hardly counts.
+LEAST_SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +130,36 @@ def weigh(parts: list[Part], simulations: tuple[Linearised, ...]) -> list[Part]:
     """
     if any(part.log.body_velocity is None for part in parts):
         return parts
-    fitted = [settled(s, s.residual)[p.windows(FIT)] for p, s in zip(parts, simulations,
+    weights = 1.0 / np.sqrt(_by_axis(parts, simulations, FIT))
+    return [replace(part, weights=weights) for part in parts]
+
+
+def by_axis(parts: list[Part], simulations: tuple[Linearised, ...]) -> list[Part]:
+    """Weigh body velocities so that each axis counts by the share of its error that is no noise.
+
+    An effect that halves the error of one axis gains alike then, however much of the other errors
+    nothing explains: to first order it is judged by the geometric mean over the axes.  Records to
+    choose by move otherwise than fitted ones and have weights of their own.
+    """
+    if any(part.log.body_velocity is None for part in parts):
+        return parts
+    weights = {}
+    for role in (FIT, SELECT):
+        if any(part.windows(role).any() for part in parts):
+            error = _by_axis(parts, simulations, role)
+            floors = [sum(noise_floor(s)) for p, s in zip(parts, simulations, strict=True)
+                      if p.windows(role).any()]  # fmt: skip
+            beyond = np.maximum(1.0 - np.mean(floors, axis=0) / error, LEAST_SHARE)
+            weights[role] = np.sqrt(beyond / error)
+    return [
+        replace(part, weights=weights[FIT if part.windows(FIT).any() else max(weights)])
+        for part in parts
+    ]
+
+
+def _by_axis(parts: list[Part], simulations: tuple[Linearised, ...], role: int) -> np.ndarray:
+    """(m,) mean squared error of each output in the windows of a role."""
+    fitted = [settled(s, s.residual)[p.windows(role)] for p, s in zip(parts, simulations,
               strict=True)]  # fmt: skip
     squared = np.concatenate([np.nan_to_num(e).reshape(-1, e.shape[-1]) for e in fitted]) ** 2
-    weights = 1.0 / np.sqrt(np.maximum(squared.mean(axis=0), 1e-12))
-    return [replace(part, weights=weights) for part in parts]
+    return np.maximum(squared.mean(axis=0), 1e-12)

@@ -29,7 +29,8 @@ FEIGNED = (0.3, 0.15)
 # a second.
 EACH = 8
 # Steps of a refinement: where an effect was added the start is close, where one was taken away not.
-STEPS, PATIENT = 8, 16
+# Two effects that start from where each was alone need few to be compared with other pairs.
+STEPS, PATIENT, FEW = 8, 16, 3
 # What a step removes when it was the last one worth taking; less care suffices to compare effects.
 TOLERANCE, ROUGH, FINE = 1e-5, 1e-3, 1e-6
 # Share of the squared error on its first part that another record's own values must remove.
@@ -266,8 +267,21 @@ def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate |
     return Candidate(trial.identifier, number, refined, simulations, loss, count)
 
 
+def beside(parts: list[Part], first: Candidate, second: Candidate) -> Candidate:
+    """The second effect refined together with the first, from where each was alone."""
+    kept = {a.identifier: a.values for a in first.model.effects}
+    both = first.model.with_effects({**kept, second.identifier: second.values})
+    refined, simulations = refit(parts, both, FEW, tolerance=ROUGH)
+    loss = window_losses(parts, simulations)
+    return replace(second, refined=refined, simulations=simulations, loss=loss)
+
+
 def ranked(
-    found: list[Candidate], role: np.ndarray, before: np.ndarray, group: np.ndarray
+    found: list[Candidate],
+    loss: list[np.ndarray],
+    role: np.ndarray,
+    before: np.ndarray,
+    group: np.ndarray,
 ) -> list[Candidate]:
     """The group that cannot be told apart, best first.
 
@@ -276,6 +290,7 @@ def ranked(
 
     Args:
         found: candidates.
+        loss: (W,) mean squared scaled error of each window, of every candidate.
         role: (W,) roles of the windows.
         before: (W,) losses without any of them.
         group: (W,) number of what is independent, windows or whole runs, that each belongs to.
@@ -285,7 +300,7 @@ def ranked(
         if np.any(role == kind):
             scale[role == kind] = before[role == kind].mean()
 
-    losses, chosen = {id(c): c.loss / scale for c in found}, found
+    losses, chosen = {id(c): one / scale for c, one in zip(found, loss, strict=True)}, found
     if np.any(role == SELECT):
         chosen = _alike(chosen, losses, role == SELECT, group)
     chosen = _alike(chosen, losses, role != VERIFY, group)

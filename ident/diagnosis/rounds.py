@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from scipy import stats
@@ -13,8 +14,8 @@ from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.forces import feigned
 from ident.diagnosis.pairs import best_pair
-from ident.diagnosis.parts import FIT, SELECT, Part
-from ident.diagnosis.rivals import Candidate, candidate, ranked, window_losses
+from ident.diagnosis.parts import FIT, SELECT, Part, by_axis
+from ident.diagnosis.rivals import Candidate, beside, candidate, ranked, window_losses
 from ident.diagnosis.shortlist import LEAST_GAIN, SIGNIFICANT, Shortlist, gain_of
 from ident.diagnosis.trials import Trial, trials
 from ident.free_run import cut_windows
@@ -42,6 +43,7 @@ class Round:
 
     Attributes:
         parts: the logs.
+        judged: the same, weighed so that gains on one axis count whatever is left on the others.
         simulations: each simulated with the model.
         evidence: about every trial.
         generic: dependences that compete with them.
@@ -54,6 +56,7 @@ class Round:
     """
 
     parts: list[Part]
+    judged: list[Part]
     simulations: tuple[Linearised, ...]
     evidence: Evidence
     generic: list[Dependence]
@@ -78,7 +81,8 @@ class Round:
         """Try everything on top of the model that the logs are simulated with."""
         model, logs = simulations[0].model, [part.log for part in parts]
         with np.errstate(all="ignore"):
-            evidence = Evidence.of(parts, list(simulations), trials(model, logs), [])
+            judged = by_axis(parts, simulations)
+            evidence = Evidence.of(judged, list(simulations), trials(model, logs), [])
         gains = np.array([gain_of(evidence, k) for k in range(len(evidence.columns))])
         weights = parts[0].weights
         noise = noise_floor(simulations[0]).of(weights)
@@ -86,7 +90,7 @@ class Round:
         loss = window_losses(parts, simulations)
         error = float(loss[evidence.role == FIT].mean())
         rolling = float(np.mean(rolling_variance(parts[0].log) * weights**2))
-        return cls(parts, simulations, evidence, generic, gains, p, noise, rolling, loss,
+        return cls(parts, judged, simulations, evidence, generic, gains, p, noise, rolling, loss,
                    origin or error, unexplained or error)  # fmt: skip
 
     @cached_property
@@ -158,7 +162,19 @@ class Round:
         found = [c for c in found if c is not None and self.helps(c)]
         if present is not None and present.identifier not in {c.identifier for c in found}:
             found.append(present)
-        return ranked(found, self.evidence.role, self.loss, self._independent) if found else []
+        if not found:
+            return []
+        losses = [self._judge(c) for c in found]
+        return ranked(found, losses, self.evidence.role, self._before, self._independent)
+
+    @cached_property
+    def _before(self) -> np.ndarray:
+        """(W,) losses without any effect, as candidates are judged."""
+        return window_losses(self.judged, self.simulations)
+
+    def _judge(self, found: Candidate) -> np.ndarray:
+        """(W,) losses with a candidate, as candidates are judged."""
+        return window_losses(self.judged, found.simulations)
 
     @property
     def _independent(self) -> np.ndarray:
@@ -183,9 +199,8 @@ class Round:
 
     def _left(self, group: list[Candidate]) -> float:
         """Excess that the best of a group leaves."""
-        if not group:
-            return self.excess
-        return float(group[0].loss[self.evidence.role == FIT].mean()) - self.floor
+        left = 1.0 - self._gain_of(group[0]) if group else 1.0
+        return left * self.error - self.floor
 
     def dependences(self) -> list[tuple[str, float]]:
         """Signals that a generic dependence is found on, and its gain, strongest first."""
@@ -224,12 +239,50 @@ class Round:
 
         The forces at the measured motion must not speak against it.
         """
-        roles = self.evidence.role
+        least = min(self._gains_of(found))
+        return least > 0.5 * LEAST_GAIN and not feigned(found.simulations, found.identifier)
+
+    def hoped(self) -> list[Candidate]:
+        """One effect or two that gain when refined what linear traces do not foretell.
+
+        Friction that stops a robot hides what happens on another axis, so that two may show that
+        neither shows alone.  Windows decide that nothing was fitted to; without any there is no
+        hope.
+
+        Returns:
+            None, one, or two, the second refined beside the first.
+        """
+        if not np.any(self.evidence.role == SELECT):
+            return []
+        tried = [candidate(self.parts, self.evidence, k) for k in self.shortlist.hopeful()]
+        alone = [c for c in tried if c is not None and self.helps(c)]
+        gains = {c.identifier: self._gains_of(c) for c in alone}
+        alone.sort(key=lambda c: -gains[c.identifier][-1])
+        best = [c for c in alone if self._enough(c)][:1]
+        most = gains[best[0].identifier][-1] if best else 0.0
+        for first, second in combinations(alone, 2):
+            both = beside(self.parts, first, second)
+            now = self._gains_of(both)
+            halves = zip(now, gains[first.identifier], gains[second.identifier], strict=True)
+            needed = min(_further(gain, max(half)) for gain, *half in halves)
+            better = _further(now[-1], most) > LEAST_GAIN
+            if better and needed > 0.5 * LEAST_GAIN and self._enough(both) and self.helps(both):
+                best, most = [first, both], now[-1]
+        return best
+
+    def _enough(self, found: Candidate) -> bool:
+        return all(map(self.shortlist.enough, self._gains_of(found)))
+
+    def _gains_of(self, found: Candidate) -> list[float]:
+        """Shares of squared error that a refined effect removes, of every kind of window."""
+        now, before, roles = self._judge(found), self._before, self.evidence.role
         kinds = [roles == role for role in (FIT, SELECT) if np.any(roles == role)]
-        return all(
-            found.loss[k].mean() < (1 - 0.5 * LEAST_GAIN) * self.loss[k].mean() for k in kinds
-        ) and not feigned(found.simulations, found.identifier)
+        return [1.0 - float(now[k].mean() / before[k].mean()) for k in kinds]
 
     def _gain_of(self, found: Candidate) -> float:
-        fitted = self.evidence.role == FIT
-        return 1.0 - found.loss[fitted].mean() / self.error
+        return self._gains_of(found)[0]
+
+
+def _further(gain: float, before: float) -> float:
+    """Share of what one gain leaves that a larger one removes."""
+    return 1.0 - (1.0 - gain) / (1.0 - before)

@@ -190,6 +190,11 @@ def search(
         at.outside = not at.real and at.last.outside(group[0] if group else None)
         # Where the wheels agree the end shows better whether effects leave too much: two effects
         # may look like one that is not in the library.
+        room = len(at.real) <= MOST_EFFECTS - 2  # for two at once
+        hoped = at.last.hoped() if room and not (group or at.outside) else []
+        for found in hoped[:-1]:
+            at.add([found], float(at.last.p[found.number]))
+        group = group or hoped[-1:]
         if not group or (at.outside and not at.last.wheels_agree):
             break
         at.outside = False

@@ -115,18 +115,37 @@ def trials(model: Model, logs: list[Log]) -> list[Trial]:
     return found
 
 
+def untried(model: Model, logs: list[Log]) -> dict[str, str]:
+    """Effects that logs like these cannot show, by name, with the reason and what to record."""
+    present, found = {active.identifier for active in model.effects}, {}
+    for identifier in effect_names():
+        effect = get_effect(identifier)
+        known = identifier in present or any(identifier in log.recording for log in logs)
+        if known or not effect.candidate:
+            continue
+        for log in logs:
+            why = effect_unreadable(effect)(log)
+            if why:
+                found[identifier] = why if len(logs) == 1 else f"{log.name}: {why}"
+                break
+    return found
+
+
 def effect_unreadable(effect: Effect) -> Callable[[Log], str]:
     """Tell why a log holds nothing that an effect could be judged by; empty where it does."""
 
     def reason(log: Log) -> str:
         if not effect.seen_by_wheels:
-            return "only a measured pose shows it"
+            return "only a pose beside the wheels shows it; use calibrate_kinematics.py"
         if effect.channel and getattr(log, effect.channel) is None:
-            return f"the log has no {effect.channel.replace('_', ' ')}"
+            return f"the log has no {effect.channel.replace('_', ' ')}; record one"
         if log.window is not None and effect.lessens_drive():
-            return "without acceleration a weaker drive explains any friction away"
+            return (
+                "without acceleration a weaker drive explains any friction away; record starts and "
+                "stops"
+            )
         if effect.needs_time and log.runs:
-            return "what came between the runs is not known"
+            return "what came between the runs is not known; record one run of 60 s or more"
         return not_moved(effect, log) or behind_gap(effect, log)
 
     return reason
@@ -161,7 +180,7 @@ def behind_gap(effect: Effect, log: Log) -> str:
     if effect.needs_pose and unknown_pose(log):
         return "the heading is unknown behind a gap; log a pose"
     if effect.needs_wheel_angle and unknown_wheel_angle(log):
-        return "the wheels' angles are unknown behind a gap"
+        return "the wheels' angles are unknown behind a gap; record without gaps"
     return ""
 
 

@@ -21,8 +21,9 @@ from ident.diagnosis.rounds import REMAINDER, UNEXPLAINED, Round
 from ident.diagnosis.search import Search, search
 from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, chain_of, with_steps
-from ident.diagnosis.trials import behind_gap
+from ident.diagnosis.trials import behind_gap, untried
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
+from ident.disagreement import beside_other_robot
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
 from ident.observability import FAINT
@@ -61,6 +62,7 @@ class Diagnosis:
         recording: how the rows of every log came to be.
         forces: by effect, for every log the share of it that forces at the measured motion confirm,
             with its standard error, where they can.
+        untried: effects that the logs cannot show, by name, with the reason and what to record.
     """
 
     log: str
@@ -79,6 +81,7 @@ class Diagnosis:
     models: tuple[tuple[Model, ...], ...] = ()
     recording: tuple[Instrument, ...] = ()
     forces: dict[str, list[ForceShare]] = field(default_factory=dict)
+    untried: dict[str, str] = field(default_factory=dict)
 
     @property
     def named(self) -> tuple[Step, ...]:
@@ -113,6 +116,7 @@ class Diagnosis:
             ],
             "recording": [one.as_dict() for one in self.recording],
             "candidates": [one.as_dict() for one in self.reach],
+            "untried": self.untried,
             "where": [regime.as_dict() for regime in self.where()],
             "experiment": self.experiment.as_dict() if self.experiment else None,
             "depends_on": [signal for signal, _ in self.depends_on],
@@ -179,7 +183,8 @@ def diagnose(
     recording = told(records, fits, last)
     last = with_unknown_hold(last, recording, records[0].original)
     forces = confirmations(fits, last, [step.best.identifier for step in steps])
-    verdict, reason = _judge(steps, errors, outside, first, now, forces)
+    judged = _judge(steps, errors, outside, first, now, forces)
+    verdict, reason = beside_other_robot(*judged, tests)
     if verdict == "ambiguous":
         tell("looking for a motion that separates them")
     return Diagnosis(
@@ -190,6 +195,7 @@ def diagnose(
         model=replace(without_instruments(last), name="diagnosed"),
         base=without_instruments(chain[0][1]),
         recording=recording,
+        untried=untried(first.model, first.logs),
         reach=reach(first),
         depends_on=tuple(now.dependences()),
         errors=errors,
@@ -326,8 +332,8 @@ def _judge(
         low, high = (100 * share for share in errors.drop_ci95)
         return "cannot_say", (
             f"{names} fit, but the {fall} on what was kept for the end is no certain gain "
-            f"({low:.0f} to {high:.0f} % of it); record a motion on all axes with starts, stops "
-            "and reversals"
+            f"({round(low)} to {round(high)} % of it); record a motion on all axes with starts, "
+            "stops and reversals"
         )
     if left > REMAINDER and clear:
         return "outside_library", (

@@ -45,6 +45,7 @@ NAMES = {
     "lever": "yaw against the lever l + h of the wheel table",
     "wheel_scale": "one wheel against the others",
     "pose_jumps": "a pose that jumps",
+    "differs": "a log to judge by of another load, floor or battery than the fitted ones",
     "wheel_odometry": "a pose that was computed from the wheels",
 }
 

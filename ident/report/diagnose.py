@@ -21,6 +21,8 @@ from ident.report.outcome import interval, percent, rounded
 from ident.report.page import Grid, Notes, Page, Picture, Section
 from youbot_env.effects import get_effect
 
+# Head of ``untried_lines``.
+UNTRIED = "Not tried, because these logs do not show it"
 HEADLINES = {
     "named": "Missing",
     "ambiguous": "Missing, but not told apart",
@@ -89,6 +91,7 @@ def sections(found: Diagnosis, logs: tuple[Log, ...] = ()) -> list[Section]:
             Section("How the logs were recorded", [Notes(in_words(found.recording), "")]),
             _tried(found),
             _sizes(found),
+            _untried(found),
             _experiment(found),
             falling(found),
             depends_on(found, compared),
@@ -105,6 +108,19 @@ def units_note(log: Log) -> str:
         return ""
     words = invisible([log])[0]
     return f"{words[0].upper()}{words[1:]}; units stand for themselves times volts per N m."
+
+
+def untried_lines(found: Diagnosis) -> list[str]:
+    """What the logs cannot show and what to record, with the effects that this is said of."""
+    about: dict[str, list[str]] = {}
+    for effect, reason in found.untried.items():
+        about.setdefault(reason, []).append(effect)
+    return [f"{', '.join(effects)}: {reason}" for reason, effects in about.items()]
+
+
+def _untried(found: Diagnosis) -> Section | None:
+    lines = untried_lines(found)
+    return Section(UNTRIED, [Notes(lines)]) if lines else None
 
 
 def _tried(found: Diagnosis) -> Section:

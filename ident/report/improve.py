@@ -58,7 +58,15 @@ def verdict(done: Improvement) -> str:
         for group in doubtful:
             sentence += f"; the logs do not tell {' from '.join(group)}"
         return f"{sentence}."
-    return f"{diagnosis.HEADLINES[found.verdict]}: {found.reason}."
+    sentence = f"{diagnosis.HEADLINES[found.verdict]}: {found.reason}."
+    if added:
+        low, high = found.errors.drop_ci95
+        sentence += (
+            f" The model keeps {', '.join(added)} as the best there is: the {found.errors.what} on "
+            f"untouched windows falls by {percent(max(low, 0.0))} to {percent(high)}. That does "
+            "not say that the robot has them."
+        )
+    return sentence
 
 
 def stage_name(number: int, stage: Stage) -> str:
