@@ -61,11 +61,16 @@ class Shortlist:
     wheels_agree: bool
 
     def background(self) -> int | None:
-        """The best trial of an effect that every robot has some of, if one passes."""
+        """The best trial of an effect that every robot has some of, if one passes.
+
+        Nothing feigns it, so a part of what is left suffices, however little that is.
+        """
         if self.wheels_agree:
             return None
         passing = [
-            k for k in self._admissible() if self._gained(k) and self.trial(k).effect.background
+            k
+            for k in self._admissible()
+            if self.trial(k).effect.background and (self._gained(k) or self.gains[k] > SOME)
         ]
         return max(passing, key=lambda k: self.gains[k]) if passing else None
 
