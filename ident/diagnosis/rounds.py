@@ -247,12 +247,12 @@ class Round:
 
         Friction that stops a robot hides what happens on another axis, so that two may show that
         neither shows alone.  Windows decide that nothing was fitted to; without any there is no
-        hope.
+        hope, nor in errors that noise or rolling may leave: these feign such gains.
 
         Returns:
             None, one, or two, the second refined beside the first.
         """
-        if not np.any(self.evidence.role == SELECT):
+        if not np.any(self.evidence.role == SELECT) or self.excess < UNEXPLAINED * self.floor:
             return []
         tried = [candidate(self.parts, self.evidence, k) for k in self.shortlist.hopeful()]
         alone = [c for c in tried if c is not None and self.helps(c)]
