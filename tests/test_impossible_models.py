@@ -1,4 +1,4 @@
-"""Model files with a covariance that no estimate has; results written through a link."""
+"""Models and policies with values that cannot be; results written through a link."""
 
 import numpy as np
 import pytest
@@ -59,3 +59,18 @@ def test_a_link_stays_a_link(tmp_path):
     write_atomically(link, "new")
     assert link.is_symlink()
     assert target.read_text() == "new"
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("a: 1" + "0" * 400, "401 digits(.|\n)*line 1"),
+        ("a: 1" + "0" * 5000, "5001 digits(.|\n)*line 1"),
+        ("a: " + "[" * 3000 + "]" * 3000, "nested too deeply"),
+    ],
+)
+def test_yaml_without_measure_is_a_bad_model_file(tmp_path, text, what):
+    path = tmp_path / "model.yaml"
+    path.write_text(text)
+    with pytest.raises(ModelFileError, match=what):
+        load_model(path)
