@@ -79,6 +79,9 @@ class Policy:
             problems.append(f"activation {self.activation!r} is none of {sorted(ACTIVATIONS)}")
         if set(self.task) != {"dt", "torque_limit"}:
             problems.append(f"its task states {sorted(self.task)}, not dt and torque_limit")
+        for name, value in {"clip": self.clip, "share": self.share, **self.task}.items():
+            if not 0.0 < value < np.inf:
+                problems.append(f"its {name} is {value}, not finite and positive")
         if problems:
             raise PolicyFileError(f"this policy cannot be used: {'; '.join(problems)}")
 
@@ -161,7 +164,7 @@ class Policy:
                 task={key: float(value) for key, value in dict(data["task"]).items()},
                 training=dict(data["training"]),
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             detail = f"entry {error} is missing" if isinstance(error, KeyError) else str(error)
             raise PolicyFileError(f"{path}: {detail}; train the policy again") from error
 
@@ -186,7 +189,7 @@ def find_policy(source: str | os.PathLike) -> Path:
 def _read_json(path: Path) -> dict:
     try:
         data = json.loads(_read(path).decode("utf-8"))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise PolicyFileError(f"{path} is not valid JSON: {error}") from error
     if not isinstance(data, dict) or data.get("kind") != KIND:
         raise PolicyFileError(f"{path} is no {KIND!r}; give the .json file that train.py wrote")
@@ -223,7 +226,10 @@ def _read_weights(path: Path, data: dict) -> tuple[tuple, tuple]:
         )
         if any(w.ndim != 2 or b.ndim != 1 for w, b in zip(*parts, strict=True)):
             raise ValueError("weights are not matrices, or biases not vectors")
-    except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+    # A header may claim 10^12 numbers, which no memory holds.
+    except (
+        ValueError, KeyError, TypeError, OSError, EOFError, MemoryError, zipfile.BadZipFile
+    ) as error:  # fmt: skip
         raise PolicyFileError(f"{weights} holds no network: {error}") from error
     return parts
 

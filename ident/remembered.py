@@ -63,7 +63,7 @@ def recall(table: Table, entries: Iterable[tuple[str, str]] | Mapping[str, str])
                     Finding(*map(str, one[:5]), geometry=len(one) > 5 and one[5] is True)
                     for one in json.loads(text)
                 ]
-        except (ValueError, TypeError) as error:
+        except (ValueError, TypeError, RecursionError) as error:
             raise ValueError(f"{name}: {text[:80]!r} cannot be read ({error})") from error
 
 

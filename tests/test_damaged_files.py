@@ -65,3 +65,13 @@ def test_parquet_columns_that_are_no_numbers(frame, tmp_path, kind):
     frame.with_columns(strange[kind]).write_parquet(path)
     with pytest.raises(LogError, match=name):
         Log.load(path)
+
+
+def test_a_small_parquet_that_unpacks_to_gigabytes_is_refused_unread(tmp_path, monkeypatch):
+    path = tmp_path / "log.parquet"
+    columns = {f"c{k}": np.zeros(1_000_000, np.int8) for k in range(51)}
+    pl.DataFrame(columns).write_parquet(path)
+    assert path.stat().st_size < 200_000
+    monkeypatch.setattr(pl, "read_parquet", lambda *_: pytest.fail("the rows were unpacked"))
+    with pytest.raises(LogError, match="1000000 rows of 51 columns"):
+        Log.load(path)

@@ -172,7 +172,7 @@ def test_nothing_of_a_policy_or_a_checkpoint_is_ever_unpickled(tmp_path):
     import torch
 
     torch.save({"text": "{}", "learner": Bomb(exploded)}, tmp_path / FILE)
-    for content in ((tmp_path / FILE).read_bytes(), bomb):
+    for content in ((tmp_path / FILE).read_bytes(), bomb, b""):
         (tmp_path / FILE).write_bytes(content)
         with pytest.raises(ValueError, match="is no checkpoint"):
             run.resume()
@@ -187,6 +187,10 @@ def test_nothing_of_a_policy_or_a_checkpoint_is_ever_unpickled(tmp_path):
         (lambda d: d["weights"].update(sha256="0"), "SHA-256 differs"),
         (lambda d: d["normalisation"]["mean"].pop(), "normalisation has another length"),
         (lambda d: d["normalisation"].update(clip="much"), "much"),
+        (lambda d: d["normalisation"].update(clip=float("nan")), "its clip is nan"),
+        (lambda d: d["task"].update(torque_limit=float("nan")), "its torque_limit is nan"),
+        (lambda d: d["task"].update(dt=-0.01), "its dt is -0.01"),
+        (lambda d: d["network"].update(share=10**400), "too large"),
         (lambda d: d["network"].update(activation="eval"), "activation 'eval' is none of"),
         (lambda d: d["network"].pop("share"), "'share' is missing"),
         (lambda d: d["network"].update(sizes=[1, 2]), "holds no network"),
@@ -198,6 +202,13 @@ def test_a_spoiled_policy_file_says_what_is_wrong(tmp_path, spoil, message):
     spoil(data)
     path.write_text(json.dumps(data))
     with pytest.raises(PolicyFileError, match=message):
+        Policy.load(path)
+
+
+def test_a_policy_file_nested_without_end_is_no_policy(tmp_path):
+    path = policy().save(tmp_path / "mine")
+    path.write_text("[" * 100_000 + "]" * 100_000)
+    with pytest.raises(PolicyFileError, match="not valid JSON"):
         Policy.load(path)
 
 

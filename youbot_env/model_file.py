@@ -8,6 +8,7 @@ import tempfile
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import numpy as np
 import yaml
 
 from youbot_env.model import Model
@@ -18,6 +19,8 @@ from youbot_env.strict_yaml import read_yaml
 SECTIONS = ("name", "platform", "parameters", "effects", "covariance", "provenance")
 SHIPPED = Path(__file__).parent.parent / "models"
 DEGREES = ("roller_angle", "heading")
+# Of correlations; those of models/identified.yaml are symmetric to 2e-16.
+ROUNDING = 1e-9
 
 
 class ModelFileError(ValueError):
@@ -126,9 +129,32 @@ def _covariance(data: object, size: int) -> list[list[float]] | None:
     if shape != [size] * size:
         raise ModelFileError(
             f"covariance: it needs {size} rows of {size} numbers, one for each value of the model; "
-            "identify again or remove the section"
+            "negative; identify again or remove the section"
         )
-    return [[_number(value, "covariance") for value in row] for row in rows]
+    values = [[_number(value, "covariance") for value in row] for row in rows]
+    _check_covariance(np.array(values))
+    return values
+
+
+def _check_covariance(values: np.ndarray) -> None:
+    """Refuse what no estimate can have: its correlations are not symmetric or not a covariance."""
+    variances = np.diag(values)
+    if (variances < 0.0).any():
+        raise ModelFileError(
+            f"covariance: variance {variances.min():g} in row {variances.argmin() + 1} is "
+            "negative; identify again or remove the section"
+        )
+    scale = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+    correlation = values / scale[:, None] / scale
+    uneven = np.abs(correlation - correlation.T).max(initial=0.0)
+    # Both sides of an uneven matrix count in its symmetric half; only then eigenvalues are real.
+    least = np.linalg.eigvalsh((correlation + correlation.T) / 2).min(initial=0.0)
+    if uneven > ROUNDING or least < -ROUNDING:
+        what = "is not symmetric" if uneven > ROUNDING else f"has eigenvalue {least:.3g}"
+        raise ModelFileError(
+            f"covariance: its matrix of correlations {what}, which no estimate has; identify again "
+            "or remove the section"
+        )
 
 
 def model_to_dict(model: Model) -> dict:
@@ -172,16 +198,20 @@ def save_model(model: Model, path: str | os.PathLike) -> None:
 
 
 def write_atomically(path: str | os.PathLike, content: str | bytes) -> Path:
-    """Write to a temporary file beside ``path``, rename it into place, and return the path."""
+    """Write to a temporary file beside ``path``, rename it into place, and return the path.
+
+    A link stays a link: the file that it leads to is replaced.
+    """
     path = Path(path)
+    target = path.resolve() if path.is_symlink() else path
     data = content.encode("utf-8") if isinstance(content, str) else content
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
         os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
+        os.replace(temporary, target)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise

@@ -25,7 +25,20 @@ class _Loader(yaml.SafeLoader):
             seen.add(key.value if isinstance(key, yaml.ScalarNode) else id(key))
         return super().construct_mapping(node, deep)
 
+    def construct_number(self, node):
+        """A whole number, unless it is too long for arithmetic (or, from 4300 digits, for int)."""
+        try:
+            value = self.construct_yaml_int(node)
+            float(value)
+        except (OverflowError, ValueError) as error:
+            what = f"{node.value[:12]}... with {len(node.value)} digits is no number to use"
+            raise yaml.constructor.ConstructorError(
+                None, None, f"{what}; correct it", node.start_mark
+            ) from error
+        return value
 
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_number)
 _Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+.0123456789"))
 
 
@@ -33,8 +46,12 @@ def read_yaml(path: Path) -> object:
     """Content of a YAML file.
 
     Raises:
-        yaml.YAMLError: the text is not YAML, or a mapping has a key twice; says in which line.
+        yaml.YAMLError: the text is not YAML, is nested too deeply, has a key twice in a mapping or
+            a number without measure; says in which line where it can.
         UnicodeDecodeError: the file is not text.
     """
     # A SafeLoader underneath: files of others cannot run code.
-    return yaml.load(path.read_text(encoding="utf-8"), _Loader)
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), _Loader)
+    except RecursionError as error:
+        raise yaml.YAMLError("it is nested too deeply; write it with fewer levels") from error

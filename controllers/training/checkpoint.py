@@ -103,7 +103,10 @@ class Checkpoint:
             text = json.loads(data["text"])
             known = text.pop("identity")
             parts = {name: data[name] for name in ("learner", "scaling", "memory")}
-        except (pickle.UnpicklingError, RuntimeError, KeyError, TypeError, ValueError) as error:
+        # An empty file ends early; RuntimeError covers text nested too deeply.
+        except (
+            pickle.UnpicklingError, EOFError, RuntimeError, KeyError, TypeError, ValueError
+        ) as error:  # fmt: skip
             raise ValueError(f"{path} is no checkpoint of this project: {error}") from error
         other = [name for name, value in json.loads(json.dumps(identity)).items()
                  if known.get(name) != value]  # fmt: skip
