@@ -1,16 +1,19 @@
 # make run   install what identification needs, identify the bundled log, say where the page is
-# make test  install everything, lint, run the whole suite
+# make test  install everything, lint, run the suite; make test-long the few tests that take longest
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test lint clean
+.PHONY: run test test-long lint clean
 
 run: $(VENV)/.base
 	$(BIN)/python scripts/identify.py --report report
 
 test: $(VENV)/.all lint
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 -m "not long"
+
+test-long: $(VENV)/.all
+	$(BIN)/python -m pytest -n 2 -m long
 
 lint: $(VENV)/.all
 	$(BIN)/ruff check .

@@ -191,6 +191,7 @@ def test_a_failure_is_kept_and_stops_nothing(tmp_path):
     assert summarise([record])["failed"][0]["case"] == cases[0].id
 
 
+@pytest.mark.long
 def test_one_case_of_each_kind_through_the_real_diagnosis(tmp_path):
     cases = [one(part="nothing"), one("floor_slope"), one("actuator_lag", size=0.25)]
     records = runner.run([("diagnosis", c) for c in cases], Store(tmp_path / "a.jsonl", "v"))

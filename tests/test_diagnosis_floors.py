@@ -21,6 +21,11 @@ BRISTLES = {"presliding_friction": {"fc": 0.15, "bend": 0.05}}
 WORM = {"direction_dependent_friction": {"forward": 0.1, "backward": 0.2}}
 
 
+def long(*values):
+    """A case of ``make test-long``: others like it are in ``make test``."""
+    return pytest.param(*values, marks=pytest.mark.long)
+
+
 def record(effects):
     """A calibration and a random motion of a robot with effects."""
     model, logs = PAPER.with_effects(effects), []
@@ -32,7 +37,9 @@ def record(effects):
     return logs
 
 
-@pytest.mark.parametrize("effects", [CASTER, RIBS, NAP, PATCH, RAMP, WORM, BRISTLES])
+@pytest.mark.parametrize(
+    "effects", [CASTER, RIBS, NAP, long(PATCH), RAMP, long(WORM), long(BRISTLES)]
+)
 def test_floors_casters_and_gears_are_named_with_their_sizes(effects):
     fit, test = record(effects)
     found = diagnose(fit, NOMINAL, test)
@@ -57,7 +64,7 @@ def test_two_orders_of_ripple_are_found_one_after_the_other():
     assert told == pytest.approx([5.0, 11.0], abs=0.02)
 
 
-@pytest.mark.parametrize(("effects", "unknown"), [(RIBS, "carpet"), (PATCH, "floor_patch")])
+@pytest.mark.parametrize(("effects", "unknown"), [(RIBS, "carpet"), long(PATCH, "floor_patch")])
 def test_what_is_left_out_of_the_library_is_refused(effects, unknown):
     fit, test = record(effects)
     with left_out(unknown):
@@ -69,7 +76,7 @@ def test_what_is_left_out_of_the_library_is_refused(effects, unknown):
 @pytest.mark.parametrize(
     ("special", "general"),
     [
-        ({"body_dry_friction": 8.0}, "caster_drag"),
+        long({"body_dry_friction": 8.0}, "caster_drag"),
         ({"floor_slope": {"sx": 0.012, "sy": -0.008}}, "ramp"),
         ({"wheel_coulomb_friction": 0.12}, "direction_dependent_friction"),
         ({"torque_offset": {"b_fl": 0.1}}, "direction_dependent_friction"),
@@ -87,7 +94,7 @@ def test_the_simpler_lookalike_is_not_named_as_the_general_one(special, general)
 
 @pytest.mark.parametrize(
     ("name", "effect"),
-    [("f11", "caster_drag"), ("f12", "carpet"), ("f18", "torque_ripple"), ("f08", "floor_slope")],
+    [("f11", "caster_drag"), ("f12", "carpet"), long("f18", "torque_ripple")],
 )
 def test_robots_of_another_simulator(name, effect):
     fit, test = (Log.load(shared("foreign-robot", f"{name}.{k}.parquet"))

@@ -79,6 +79,7 @@ def test_all_logs_of_a_real_mecanum_robot_load_without_a_wrong_finding():
         }
 
 
+@pytest.mark.long
 def test_dry_friction_of_rollers_is_found_though_nothing_explains_the_yaw():
     """One axis is mended: neither alone nor by its linear trace does the effect pass."""
     folder, line = shared("ftc-mecanum"), "R=0.048 r=0.012 l=0.14 h=0.14"
