@@ -126,7 +126,10 @@ def cut_windows(
     """
     structure, log = Structure.of(model), restored(log, model)
     dt = log.dt
-    substeps = min(choose_substeps(model, dt, fraction), MOST_SUBSTEPS)
+    try:
+        substeps = min(choose_substeps(model, dt, fraction), MOST_SUBSTEPS)
+    except ValueError:  # values that a search tries and leaves again
+        substeps = MOST_SUBSTEPS
     delay = structure.bind(model.values()).delay()
     history = history_length(structure, delay, dt)
     length = max(1, round(window / dt))

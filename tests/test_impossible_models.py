@@ -1,5 +1,7 @@
 """Models and policies with values that cannot be; results written through a link."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from youbot_env.model_file import (
     model_to_dict,
     write_atomically,
 )
+from youbot_env.simulation import AnalyticPlant
 
 
 def spoiled(change):
@@ -74,3 +77,10 @@ def test_yaml_without_measure_is_a_bad_model_file(tmp_path, text, what):
     path.write_text(text)
     with pytest.raises(ModelFileError, match=what):
         load_model(path)
+
+
+def test_a_model_too_stiff_to_simulate_is_refused_at_once():
+    paper = load_model("paper")
+    stiff = replace(paper, parameters=replace(paper.parameters, mu1=1e6))
+    with pytest.raises(ValueError, match="steps in a sample"):
+        AnalyticPlant(stiff).step([0.0] * 4)

@@ -14,6 +14,9 @@ from youbot_env.plant import Structure
 # A Runge-Kutta step may be this fraction of the fastest time constant.  At 0.5 the fourth-order
 # error of one step stays below 1e-6 of the change within it.
 STEP_FRACTION = 0.5
+# Steps in a sample beyond which nobody waits for the end of a simulation: the stiffest law of the
+# library takes some tens at 20 Hz.
+MOST_SUBSTEPS = 2000
 
 
 def fastest_rate(model: Model) -> float:
@@ -45,9 +48,19 @@ def choose_substeps(model: Model, dt: float, fraction: float = STEP_FRACTION) ->
         model: the model.
         dt: sample time, s.
         fraction: largest step in units of the fastest time constant; Runge-Kutta is stable to 2.7.
+
+    Raises:
+        ValueError: a model so stiff that no simulation of it would end.
     """
     # The small number keeps the rounding of sample times from adding a step.
-    return max(1, math.ceil(dt * fastest_rate(model) / fraction - 1e-6))
+    steps = dt * fastest_rate(model) / fraction - 1e-6
+    if not steps < MOST_SUBSTEPS:
+        raise ValueError(
+            f"model {model.name!r} has a time constant of {dt / (steps * fraction):.2g} s, which "
+            f"takes {steps:.2g} steps in a sample of {dt:g} s, {MOST_SUBSTEPS} are allowed; "
+            "correct its friction or inertia"
+        )
+    return max(1, math.ceil(steps))
 
 
 def history_length(structure: Structure, longest_delay: float, dt: float) -> int:
