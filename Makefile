@@ -1,4 +1,4 @@
-# make run   install what identification needs, identify the bundled log, say where the page is
+# make run   install what identification needs, identify the bundled log into report/
 # make test  install everything, lint, run the suite; make test-long the few tests that take longest
 PYTHON ?= python3
 VENV := .venv
@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 .PHONY: run test test-long lint clean
 
 run: $(VENV)/.base
-	$(BIN)/python scripts/identify.py --report report
+	$(BIN)/python scripts/identify.py --out report/identified.yaml --report report
 
 test: $(VENV)/.all lint
 	$(BIN)/python -m pytest -n 2 -m "not long"
