@@ -86,6 +86,8 @@ class Foreign(Conditions):
         lasting = rng.uniform() < LASTING
         what, low, high = DIFFERENCES[rng.integers(len(DIFFERENCES))]
         differs = (what, round(float(rng.uniform(low, high)), 4))
+        if loop and loop % rate:
+            loop = 1000.0  # whole loop steps in a row
         speed, frequency = rng.uniform(0.2, 0.45), rng.uniform(0.5, 1.2)
         return cls(
             rate=rate,
