@@ -303,6 +303,12 @@ def _judge(
         )
         if told:
             return "outside_library", f"{far}; it depends on {signals}"
+        if errors.rolling and not first.wheels_agree:
+            return "cannot_say", (
+                f"{far}; the wheels contradict each other, as other radii than assumed, slip and "
+                "worn rollers make them; with a pose beside the wheels calibrate_kinematics.py "
+                "tells which"
+            )
         # Noise of the drive that all wheels share does not go with the motion; something that
         # swings by itself need not either.
         like = (
