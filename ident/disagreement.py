@@ -63,16 +63,19 @@ def with_disagreement(logs: Sequence[Log], tests: Sequence[Log], model: Model) -
     return [_told(log, fitted, known, start) for log in tests]
 
 
-def beside_other_robot(verdict: str, reason: str, tests: Sequence[Log]) -> tuple[str, str]:
-    """Verdict and reason of a diagnosis that was judged by logs of a robot that differs.
+def of_the_same_robot(
+    logs: Sequence[Log], tests: Sequence[Log], model: Model
+) -> tuple[list[Log], str]:
+    """Logs that may judge, and of the others, in words, why they may not.
 
-    What is left on these may be the difference, which no effect should stand for.
+    What a right model leaves on a log of another load, floor or battery is the difference, which no
+    effect should stand for and no effect be refused for.
     """
-    apart = [f"{log.name}: {f.what}" for log in tests for f in log.findings if f.name == NAME]
-    if not apart:
-        return verdict, reason
-    verdict = "cannot_say" if verdict == "outside_library" else verdict
-    return verdict, "; ".join((reason, *apart))
+    if not any(f.name == NAME for log in tests for f in log.findings):
+        tests = with_disagreement(logs, tests, model)
+    apart = {log.name: f.what for log in tests for f in log.findings if f.name == NAME}
+    said = "".join(f"; {name} was not used to judge: {what}" for name, what in apart.items())
+    return [log for log in tests if log.name not in apart], said
 
 
 def _told(log: Log, fitted: Regression, known: np.ndarray, model: Model) -> Log:

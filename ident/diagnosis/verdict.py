@@ -23,7 +23,7 @@ from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, chain_of, with_steps
 from ident.diagnosis.trials import behind_gap, untried
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
-from ident.disagreement import beside_other_robot
+from ident.disagreement import of_the_same_robot
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
 from ident.observability import FAINT
@@ -153,6 +153,7 @@ def diagnose(
         if log.platform != model.platform:
             model = replace(model, platform=log.platform)
     name = " + ".join(log.name for log in logs)
+    tests, apart = of_the_same_robot(logs, tests, model)
     weak = unfit(logs)
     if weak:
         return Diagnosis(name, "cannot_say", weak, (), model, model, experiment=CALIBRATION)
@@ -184,7 +185,7 @@ def diagnose(
     last = with_unknown_hold(last, recording, records[0].original)
     forces = confirmations(fits, last, [step.best.identifier for step in steps])
     judged = _judge(steps, errors, outside, first, now, forces)
-    verdict, reason = beside_other_robot(*judged, tests)
+    verdict, reason = judged[0], judged[1] + apart
     if verdict == "ambiguous":
         tell("looking for a motion that separates them")
     return Diagnosis(
