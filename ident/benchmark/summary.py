@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from ident.benchmark.score import Score, score
+from ident.benchmark.score import Score, meant, score
 from ident.benchmark.targets import targets
 
 Scored = list[tuple[dict[str, Any], Score]]
@@ -176,7 +176,9 @@ def _pairs(scores: list[Score]) -> dict[str, Any]:
 
 def _rollers(scores: list[Score]) -> dict[str, Any]:
     quiet, loud = ([s for s in scores if bool(s.hidden) is b] for b in (False, True))
-    return {"nothing": _counted(quiet), "hidden": _rates(loud)}
+    strange = [s for s in loud if not any(map(meant, s.hidden))]
+    known = [s for s in loud if any(map(meant, s.hidden))]
+    return {"nothing": _counted(quiet), "hidden": _rates(known), "outside": _counted(strange)}
 
 
 def _coverage(scores: Iterable[Score]) -> dict[str, Any]:
