@@ -58,8 +58,10 @@ def test_console_statuses(console, monkeypatch, capsys):
     assert end(FileNotFoundError(2, "No such file", "a.csv")) == (
         2, "error: [Errno 2] No such file: 'a.csv'\n"
     )  # fmt: skip
-    with pytest.raises(ZeroDivisionError):
-        end(ZeroDivisionError())  # an error of ours is no bad input
+    status, said = end(ZeroDivisionError("ours"))  # an error of ours is no bad input
+    assert status == 3
+    assert "ZeroDivisionError: ours" in said
+    assert "please send us" in said
     monkeypatch.setenv("YOUBOT_DEBUG", "1")
     with pytest.raises(ValueError, match="shown whole"):
         end(ValueError("shown whole"))
