@@ -41,7 +41,7 @@ class Stage:
         model: refined, with covariance.
         nrmse: free-run error on untouched windows, as a share of the motion's rms.
         axes: (3,) rms errors there, m/s, m/s, rad/s.
-        covered: share of the way from the base's error to what the noise of the sensors leaves.
+        covered: share of the way from the base's error to what noise leaves.
         base: the seven parameters and two lumps, by name.
         shifts: of each of them from the stage before, in standard errors of this stage; None where
             the logs do not determine it, and of the base.

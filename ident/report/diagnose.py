@@ -76,7 +76,7 @@ def figures(found: Diagnosis) -> list[tuple[str, str]]:
     shown = [
         (percent(errors.before), f"{errors.what} of the base model"),
         (percent(errors.after), "with what was added"),
-        (percent(errors.floor), "left by the noise of the sensors"),
+        (percent(errors.floor), "left by noise of sensors and drive"),
     ]
     return shown if len(errors.nrmse) > 1 else [shown[0], shown[2]]
 

@@ -122,7 +122,7 @@ def _draw_steps(canvas, errors: FreeRunErrors, height: float) -> None:
         axis.grid(False, axis="y")
         axis.locator_params(axis="x", nbins=4 if axis is axes[0] else 3)
     axes[0].axvline(100 * errors.floor, color=INK, linestyle="--", linewidth=1.1)
-    axes[0].set_xlabel(f"dashed: noise of the sensors, {percent(errors.floor)}", color=SOFT)
+    axes[0].set_xlabel(f"dashed: noise of sensors and drive, {percent(errors.floor)}", color=SOFT)
 
 
 def sizes_figure(rows: list[tuple[str, float, tuple[float, float], float, str]]) -> bytes:

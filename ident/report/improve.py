@@ -75,13 +75,13 @@ def stage_name(number: int, stage: Stage) -> str:
 
 
 def error_rows(done: Improvement) -> list[tuple[str, ...]]:
-    """Rows of ``ERRORS_HEAD``, with the noise of the sensors last."""
+    """Rows of ``ERRORS_HEAD``, with what noise leaves last."""
     rows = [
         (stage_name(number, stage), *(rounded(v, v) for v in stage.axes),
          f"{100 * stage.nrmse:.3g}", f"{100 * stage.covered:.0f}")
         for number, stage in enumerate(done.stages)
     ]  # fmt: skip
-    return [*rows, ("noise of the sensors", "", "", "", f"{100 * done.found.errors.floor:.3g}",
+    return [*rows, ("noise", "", "", "", f"{100 * done.found.errors.floor:.3g}",
             "100")]  # fmt: skip
 
 
