@@ -142,6 +142,7 @@ def test_of_a_file_that_fails_half_way_nothing_is_known(file):
     assert not {"bare", "turning_drag"} & set(effects.effect_names())
 
 
+@pytest.mark.long
 def test_processes_that_share_the_work_know_it(file):
     options = "--controller computed_torque --reference circle --frequency 1 --plant analytic"
     options += (

@@ -93,7 +93,7 @@ def test_a_hidden_effect_is_named_with_its_size(sticky, alone):
         {"floor_slope": {"sx": 0.012, "sy": -0.008}},
         {"torque_gain": {"e_rr": 0.1}},
         {"torque_ripple": {"a": 0.2, "b": 0.1, "k": 4.6}},
-        {"torque_dead_zone": 0.2},
+        pytest.param({"torque_dead_zone": 0.2}, marks=pytest.mark.long),
     ],
 )
 def test_effects_of_every_kind_are_named(effects):

@@ -54,6 +54,7 @@ def test_floors_casters_and_gears_are_named_with_their_sizes(effects):
     assert found.errors.after < 1.5 * found.errors.floor
 
 
+@pytest.mark.long
 def test_two_orders_of_ripple_are_found_one_after_the_other():
     orders = {"torque_ripple": {"a": 0.2, "b": 0.0, "k": 5.0},
               "torque_ripple_second": {"a": 0.1, "b": 0.1, "k": 11.0}}  # fmt: skip

@@ -83,6 +83,7 @@ def test_one_effect_gives_no_pair():
     assert now.pair(now.choose()) is None
 
 
+@pytest.mark.long
 def test_a_step_is_chosen_again_beside_what_came_later(two):
     parts = divide([two[0]], [two[1]], NOMINAL)
     base, simulations = refit(parts, NOMINAL)
