@@ -79,9 +79,11 @@ class Policy:
             problems.append(f"activation {self.activation!r} is none of {sorted(ACTIVATIONS)}")
         if set(self.task) != {"dt", "torque_limit"}:
             problems.append(f"its task states {sorted(self.task)}, not dt and torque_limit")
-        for name, value in {"clip": self.clip, "share": self.share, **self.task}.items():
+        for name, value in {"clip": self.clip, **self.task}.items():
             if not 0.0 < value < np.inf:
                 problems.append(f"its {name} is {value}, not finite and positive")
+        if not 0.0 <= self.share < np.inf:
+            problems.append(f"its share is {self.share}, not finite and at least 0")
         if problems:
             raise PolicyFileError(f"this policy cannot be used: {'; '.join(problems)}")
 

@@ -70,9 +70,14 @@ def of_the_same_robot(
 
     What a right model leaves on a log of another load, floor or battery is the difference, which no
     effect should stand for and no effect be refused for.
+
+    Args:
+        logs: records that are fitted, their instruments undone: a clock that is late is no load.
+        tests: records to judge by, likewise.
+        model: any model of the platform.
     """
-    if not any(f.name == NAME for log in tests for f in log.findings):
-        tests = with_disagreement(logs, tests, model)
+    tests = [replace(t, findings=tuple(f for f in t.findings if f.name != NAME)) for t in tests]
+    tests = with_disagreement(logs, tests, model)
     apart = {log.name: f.what for log in tests for f in log.findings if f.name == NAME}
     said = "".join(f"; {name} was not used to judge: {what}" for name, what in apart.items())
     return [log for log in tests if log.name not in apart], said

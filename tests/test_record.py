@@ -218,7 +218,7 @@ def test_bad_input_of_the_rollers_plant(record):
         (("--rate", 70), "70 Hz: dt = 0.0142.* whole number of physics steps"),
         (("--loop-rate", 2000), "loops at 2000 Hz, 20 steps a row .* of physics steps"),
         (("--floor-friction", 0), "floor_friction = 0.0 must be positive"),
-        (("--effect", "wheel_slip"), "wheel_slip.*use the analytic plant"),
+        (("--effect", "wheel_radius_error"), "wheel_radius_error.*use the analytic plant"),
     ):
         status, _, err = record("--plant", "rollers", "--seconds", 1, *options)
         assert status == 2

@@ -153,7 +153,6 @@ def diagnose(
         if log.platform != model.platform:
             model = replace(model, platform=log.platform)
     name = " + ".join(log.name for log in logs)
-    tests, apart = of_the_same_robot(logs, tests, model)
     weak = unfit(logs)
     if weak:
         return Diagnosis(name, "cannot_say", weak, (), model, model, experiment=CALIBRATION)
@@ -161,7 +160,13 @@ def diagnose(
     if not inertia_is_seen(logs, model):
         logs, tests = ([judged_by_force(log) for log in some] for some in (logs, tests))
     tell("finding out how the logs were recorded")
-    records = recordings(logs, tests, model)
+    records, apart = recordings(logs, tests, model), ""
+    if tests and all(log.window is None for log in logs):
+        seen = [ready(record, model, SEARCHED) for record in records]
+        kept, apart = of_the_same_robot(seen[: len(logs)], seen[len(logs) :], model)
+        names = {log.name for log in kept}
+        tests = [test for test in tests if test.name in names]
+        records = [*records[: len(logs)], *(r for r in records[len(logs) :] if r.log.name in names)]
     found, refined = _searched(records, model, len(tests), seed, tell)
     if found.steps and found.first.wheels_agree and not all(one.known for one in records):
         # What was found may tell more of a clock than the usual nuisances did; where that changes
