@@ -17,21 +17,19 @@ ROLLING, RIPPLED = 2.0, 1.0
 SOUND = 0.1
 
 
-def wheels_agree(log: Log) -> bool:
+def wheels_agree(log: Log, whole: bool = False) -> bool:
     """Tell whether the wheels contradict each other by no more than their noise.
 
     More wheels than freedoms are bound by ideal rolling.  Where they keep to it, rollers and slip
     cannot be what a model leaves unexplained; where they do not, or cannot show it, they may be.
     Wheels of other radii than assumed contradict each other in proportion to the motion, which
     rollers do not; that part is left out.
+
+    Args:
+        log: the record.
+        whole: with that part, so that the wheels must have the platform's radii.
     """
-    found = _contradiction(log)
-    return found is not None and found[0] < CONTRADICTION * found[1]
-
-
-def roll_as_told(log: Log) -> bool:
-    """Tell whether the wheels move as ideal ones of the platform's radii do, within their noise."""
-    found = _contradiction(log, whole=True)
+    found = _contradiction(log, whole)
     return found is not None and found[0] < CONTRADICTION * found[1]
 
 

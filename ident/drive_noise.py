@@ -15,7 +15,7 @@ from scipy.linalg import null_space
 from scipy.optimize import nnls
 from scipy.signal import lfilter
 
-from ident.contradiction import roll_as_told
+from ident.contradiction import wheels_agree
 from ident.log import Log
 
 # Lags at which the noise is compared with itself, s; white noise has nothing at any of them.
@@ -65,7 +65,7 @@ def lasting_noise(log: Log) -> LastingNoise:
     With real rollers, slip or unequal radii such torques do move something, and are no noise.
     """
     free = null_space(log.platform.jacobian_array.T)
-    if free.shape[1] == 0 or not roll_as_told(log):
+    if free.shape[1] == 0 or not wheels_agree(log, whole=True):
         return NO_NOISE
     left = _unexplained(log, log.command @ free)
     steps = [max(1, round(lag / log.dt)) for lag in LAGS]

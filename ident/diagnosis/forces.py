@@ -9,12 +9,12 @@ and one that only calms the simulation at none.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ident.diagnosis.rivals import Refits
+from ident.diagnosis.steps import without
 from ident.log import Log
 from ident.regression import Regression, build_regression, linear_names
 from ident.sensitivity import Linearised
@@ -91,7 +91,7 @@ def force_share(log: Log, model: Model, identifier: str) -> ForceShare | None:
     effect = get_effect(identifier)
     if effect.link not in FORCES or effect.late:
         return None
-    alone = replace(model, effects=tuple(a for a in model.effects if a.identifier != identifier))
+    alone = without(model, identifier)
     base, full = build_regression(log, alone), build_regression(log, model)
     left, right = _residual(base, alone), _residual(full, model)
     kept = _moved(log, base.time)

@@ -189,14 +189,13 @@ def diagnose(
     recording = told(records, fits, last)
     last = with_unknown_hold(last, recording, records[0].original)
     forces = confirmations(fits, last, [step.best.identifier for step in steps])
-    judged = _judge(steps, errors, outside, first, now, forces)
-    verdict, reason = judged[0], judged[1] + apart
+    verdict, reason = _judge(steps, errors, outside, first, now, forces)
     if verdict == "ambiguous":
         tell("looking for a motion that separates them")
     return Diagnosis(
         log=name,
         verdict=verdict,
-        reason=reason,
+        reason=reason + apart,
         steps=tuple(steps),
         model=replace(without_instruments(last), name="diagnosed"),
         base=without_instruments(chain[0][1]),
