@@ -36,6 +36,14 @@ class TorqueRipple(Effect):
     def shaft(self, p, s, ops):
         """See the class."""
         return tuple(
-            a * ops.cos(p.k * angle) + b * ops.sin(p.k * angle)
+            0.0 if silent(a, b) else a * ops.cos(p.k * angle) + b * ops.sin(p.k * angle)
             for a, b, angle in zip(p.a, p.b, s.wheel_angle, strict=True)
         )
+
+
+def silent(*amplitudes) -> bool:
+    """Tell whether amplitudes are the number zero: a diagnosis tries one wheel at a time.
+
+    Sines over a whole log are most of what such a trial costs.
+    """
+    return all(isinstance(amplitude, float) and amplitude == 0.0 for amplitude in amplitudes)
