@@ -49,12 +49,13 @@ def with_disagreement(logs: Sequence[Log], tests: Sequence[Log], model: Model) -
     Args:
         logs: records that are fitted.
         tests: records to judge by, of the same platform.
-        model: any model of the platform.
+        model: any model of the platform; effects of the robot in it act in both.
     """
     if any(log.wheel_torque is None and log.wheel_voltage is None for log in (*logs, *tests)):
         return list(tests)
-    start = replace(model, platform=logs[0].platform, effects=())
-    start = start.with_effects(dict.fromkeys(FRICTION))
+    robots = {a.identifier: a.values for a in model.effects if a.effect.scope() == "robot"}
+    start = replace(model, platform=logs[0].platform, effects=(), covariance=None)
+    start = start.with_effects(dict.fromkeys(FRICTION) | robots)
     try:
         fitted = Regression.join([build_regression(log, start) for log in pooled(logs)])
     except ValueError:

@@ -94,3 +94,14 @@ def test_a_log_of_another_robot_does_not_judge(fitted):
     found = diagnose(fitted, "nominal", record(robot, 2))
     assert [name["effect"] for name in found.as_dict()["named"]] == list(DRY)
     assert "was not used to judge: the robot is not the one of the fitted log" in found.reason
+
+
+def test_an_effect_that_hides_the_difference_is_taken_in():
+    """Torques that clip in one motion and not in the other look like no single number."""
+    clips = PAPER.with_effects({"torque_saturation": 1.0})
+    fitted, log = record(clips, 1, SmoothRandom(0.4, 1.5)), record(clips, 2, SmoothRandom(0.3, 1.0))
+    weaker = replace(log, wheel_torque=1.2 * log.wheel_torque)
+    assert told(fitted, weaker) == []
+    names = [[f.name for f in with_disagreement([fitted], [one], clips)[0].findings]
+             for one in (log, weaker)]  # fmt: skip
+    assert names == [[], ["differs"]]

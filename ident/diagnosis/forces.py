@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ident.diagnosis.parts import judges
 from ident.diagnosis.rivals import Refits
 from ident.diagnosis.steps import without
 from ident.log import Log
@@ -70,8 +71,12 @@ def confirmations(
     """By effect the shares that the logs confirm, of those that can."""
     models, found = fits.models(model), {}
     for identifier in identifiers:
-        pairs = zip(fits.parts, models, strict=True)
-        shares = [force_share(part.log, own, identifier) for part, own in pairs]
+        pairs = [
+            (part.log, own)
+            for part, own in zip(fits.parts, models, strict=True)
+            if judges(part, get_effect(identifier))
+        ]
+        shares = [force_share(log, own, identifier) for log, own in pairs]
         found[identifier] = [share for share in shares if share is not None]
     return found
 

@@ -13,6 +13,7 @@ from ident.log import Log
 from ident.noise_floor import noise_floor
 from ident.scaled_fit import independent, output_weights, settled
 from ident.sensitivity import Linearised, window_length
+from youbot_env.effects.base import Effect
 from youbot_env.model import Model
 
 FIT, SELECT, VERIFY = 0, 1, 2
@@ -65,6 +66,12 @@ class Part:
     def windows(self, role: int) -> np.ndarray:
         """(W,) whether each window has a role."""
         return self.role == role
+
+
+def judges(part: Part, effect: Effect) -> bool:
+    """Tell whether a log may judge an effect: what happens once need not happen in another one."""
+    once = effect.needs_time and effect.scope() == "record"
+    return not once or bool(part.windows(FIT).any())
 
 
 def divide(logs: list[Log], tests: list[Log], model: Model) -> list[Part]:

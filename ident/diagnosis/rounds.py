@@ -14,7 +14,7 @@ from ident.diagnosis.dependence import Dependence
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.forces import feigned
 from ident.diagnosis.pairs import best_pair
-from ident.diagnosis.parts import FIT, SELECT, Part, by_axis
+from ident.diagnosis.parts import FIT, SELECT, Part, by_axis, judges
 from ident.diagnosis.rivals import Candidate, beside, candidate, ranked, window_losses
 from ident.diagnosis.shortlist import LEAST_GAIN, SIGNIFICANT, Shortlist, gain_of
 from ident.diagnosis.trials import Trial, trials
@@ -23,6 +23,7 @@ from ident.log import Log
 from ident.noise_floor import noise_floor
 from ident.scaled_fit import independent
 from ident.sensitivity import Linearised, window_length
+from youbot_env.effects import get_effect
 from youbot_env.model import Model
 
 # A dependence that removes this share of the error while no effect passes, or that leaves less
@@ -239,8 +240,9 @@ class Round:
 
         The forces at the measured motion must not speak against it.
         """
-        least = min(self._gains_of(found))
-        return least > 0.5 * LEAST_GAIN and not feigned(found.simulations, found.identifier)
+        least, effect = min(self._gains_of(found)), get_effect(found.identifier)
+        asked = [s for p, s in zip(self.parts, found.simulations, strict=True) if judges(p, effect)]
+        return least > 0.5 * LEAST_GAIN and not feigned(asked, found.identifier)
 
     def hoped(self) -> list[Candidate]:
         """One effect or two that gain when refined what linear traces do not foretell.
@@ -276,7 +278,10 @@ class Round:
     def _gains_of(self, found: Candidate) -> list[float]:
         """Shares of squared error that a refined effect removes, of every kind of window."""
         now, before, roles = self._judge(found), self._before, self.evidence.role
-        kinds = [roles == role for role in (FIT, SELECT) if np.any(roles == role)]
+        effect = get_effect(found.identifier)
+        asked = np.concatenate([np.full(len(p.role), judges(p, effect)) for p in self.parts])
+        kinds = [(roles == role) & asked for role in (FIT, SELECT)]
+        kinds = [windows for windows in kinds if windows.any()]
         return [1.0 - float(now[k].mean() / before[k].mean()) for k in kinds]
 
     def _gain_of(self, found: Candidate) -> float:

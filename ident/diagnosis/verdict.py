@@ -160,14 +160,18 @@ def diagnose(
     if not inertia_is_seen(logs, model):
         logs, tests = ([judged_by_force(log) for log in some] for some in (logs, tests))
     tell("finding out how the logs were recorded")
-    records, apart = recordings(logs, tests, model), ""
-    if tests and all(log.window is None for log in logs):
-        seen = [ready(record, model, SEARCHED) for record in records]
-        kept, apart = of_the_same_robot(seen[: len(logs)], seen[len(logs) :], model)
-        names = {log.name for log in kept}
-        tests = [test for test in tests if test.name in names]
-        records = [*records[: len(logs)], *(r for r in records[len(logs) :] if r.log.name in names)]
-    found, refined = _searched(records, model, len(tests), seed, tell)
+    records = recordings(logs, tests, model)
+    records, apart = _of_one_robot(records, len(logs), model)
+    found, refined = _searched(records, model, len(records) - len(logs), seed, tell)
+    if found.steps:
+        # An effect that was missing may have hidden that a log to judge by is of another robot.
+        there = with_steps(refined.model, found.steps)
+        same, more = _of_one_robot(records, len(logs), there)
+        if more:
+            records, apart = same, apart + more
+            found, refined = _searched(records, model, len(records) - len(logs), seed, tell)
+    names = {record.log.name for record in records}
+    tests = [test for test in tests if test.name in names]
     if found.steps and found.first.wheels_agree and not all(one.known for one in records):
         # What was found may tell more of a clock than the usual nuisances did; where that changes
         # it, what was found rests on a wrong one.  Rolling leaves too much for that.
@@ -211,6 +215,19 @@ def diagnose(
         models=tuple(fits.models(model) for _, model in chain),
         forces=forces,
     )
+
+
+def _of_one_robot(
+    records: list[Recording], fitted: int, model: Model
+) -> tuple[list[Recording], str]:
+    """Records less those to judge by that are of another robot than the fitted ones, and why."""
+    logs, tests = records[:fitted], records[fitted:]
+    if not tests or any(record.log.window is not None for record in logs):
+        return records, ""
+    seen = [ready(record, model, SEARCHED) for record in records]
+    kept, apart = of_the_same_robot(seen[:fitted], seen[fitted:], model)
+    names = {log.name for log in kept}
+    return [*logs, *(record for record in tests if record.log.name in names)], apart
 
 
 def _searched(
