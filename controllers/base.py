@@ -120,7 +120,14 @@ class Controller:
         """Forget what was seen and commanded."""
         self._memory = None
 
-    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+    def predict(
+        self,
+        observation,
+        state=None,
+        episode_start=None,
+        deterministic: bool = True,
+        wheel_angle=None,
+    ):
         """Return ``(action, state)`` for one observation or a batch of them.
 
         Args:
@@ -130,13 +137,17 @@ class Controller:
             episode_start: whether each observation is the first of an episode, a bool or
                 (robots,); None says none is, except right after ``reset``.
             deterministic: accepted as in Stable-Baselines3; nothing here is random.
+            wheel_angle: (n,) or (robots, n), rad, what the encoders show now
+                (``env.unwrapped.wheel_angle``), zero where it was zero in the log that the model
+                was identified from.  Only models whose effects read it gain by it; None lets the
+                controller reckon it from the velocities.
 
         Returns:
             Actions in [-1, 1], (n,) or (robots, n) float32, and the memory, (m,) or (robots, m).
 
         Raises:
-            ValueError: an observation of another size, or one that is not finite where
-                ``on_invalid`` is ``raise``.
+            ValueError: an observation or wheel angles of another size, or an observation that is
+                not finite where ``on_invalid`` is ``raise``.
         """
         seen = np.asarray(observation, float)
         single = seen.ndim == 1
@@ -156,6 +167,8 @@ class Controller:
             kept = np.where(np.reshape(episode_start, (-1, 1)), start, kept)
         kept, guard = np.hsplit(kept, [len(own)])
         kept = np.where(self._guard.known(guard), kept, own)
+        if wheel_angle is not None:
+            kept = self.turned(kept, self._checked_angle(wheel_angle, len(seen)))
         seen, guard = self._guard.admit(seen, guard)
         action, memory = self.act(seen, kept)
         action = np.clip(action, -1.0, 1.0)
@@ -175,6 +188,15 @@ class Controller:
         """Return actions (robots, n) and new memory (robots, m); subclasses implement it."""
         raise NotImplementedError
 
+    def turned(self, memory: np.ndarray, angle: np.ndarray) -> np.ndarray:
+        """Memory (robots, m) for ``act`` with measured wheel angles (robots, n), rad."""
+        return memory
+
+    @property
+    def uses_wheel_angle(self) -> bool:
+        """Whether measured wheel angles change what it does."""
+        return False
+
     def resent(self, memory: np.ndarray, action: np.ndarray) -> np.ndarray:
         """Memory (robots, m) of ``act`` where other actions (robots, n) are sent than it chose."""
         return memory
@@ -186,3 +208,12 @@ class Controller:
                 f"(..., {self._length}); make the environment with **controller.env_kwargs = "
                 f"{self.env_kwargs}"
             )
+
+    def _checked_angle(self, angle, robots: int) -> np.ndarray:
+        angle, wheels = np.atleast_2d(np.asarray(angle, float)), len(self.task.platform.wheels)
+        if angle.shape != (robots, wheels):
+            raise ValueError(
+                f"wheel_angle has shape {angle.shape}, {robots} observations need "
+                f"{(robots, wheels)}: one angle for each wheel"
+            )
+        return angle

@@ -123,6 +123,15 @@ class LawController(Controller):
         """See the base class."""
         return self.evaluate(seen, memory, self._values[None])
 
+    def turned(self, memory: np.ndarray, angle: np.ndarray) -> np.ndarray:
+        """See the base class."""
+        return self.estimator.tell(memory, angle) if self.uses_wheel_angle else memory
+
+    @property
+    def uses_wheel_angle(self) -> bool:
+        """See the base class."""
+        return self.estimator.structure.track_wheels
+
     def resent(self, memory: np.ndarray, action: np.ndarray) -> np.ndarray:
         """See the base class."""
         memory, newest = memory.copy(), self.estimator.sent.start

@@ -47,10 +47,12 @@ def calibrated(subject: Subject, seconds: float) -> Subject:
 
     The identifiers get the log and the nominal model.  ``identified`` has the seven parameters of
     the equations; ``identified + effects`` is told which effects to look for, as after a diagnosis
-    that named them, and finds their sizes.
+    that named them, and finds their sizes.  Where rollers are real, ``roller_ripple`` is one of
+    them: every such robot has it, and diagnosis asks for it before anything else.
     """
     log, nominal = record(subject, seconds), load_model("nominal")
     effects = tuple(active.identifier for active in subject.truth.effects)
+    effects += ("roller_ripple",) if subject.plant == "rollers" else ()
     plain = identify(log, nominal, name=IDENTIFIED)
     informed = identify(log, nominal, add=effects, name=INFORMED)
     beliefs = {NOMINAL: nominal, IDENTIFIED: plain.model, INFORMED: informed.model}

@@ -149,7 +149,9 @@ def drive(
     errors, torques, seconds, state, lost = [], [], [], None, False
     for step in range(last):
         began = time.thread_time()
-        action, state = controller.predict(seen, state, np.array([step == 0]))
+        action, state = controller.predict(
+            seen, state, np.array([step == 0]), wheel_angle=env.unwrapped.wheel_angle
+        )
         took = time.thread_time() - began
         seen, _, lost, _, info = env.step(action)
         if step >= first or lost:

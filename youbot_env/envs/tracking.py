@@ -177,6 +177,11 @@ class TrackingEnv(gym.Env):
             "torque": np.array(self._torque),
         }
 
+    @property
+    def wheel_angle(self) -> np.ndarray:
+        """Wheel angles (n,), rad, that encoders show now; zero at the start of an episode."""
+        return self._plant.wheel_angle
+
     def measurement(self) -> dict[str, Any]:
         """True values of the channels that a log records now; for ``youbot_env.recording``."""
         return {
