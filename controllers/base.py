@@ -1,7 +1,9 @@
 """What a controller is: observation in, action out, and a memory the caller may keep.
 
 The calls are those of Stable-Baselines3, so its ``evaluate_policy`` runs every controller, on one
-robot or on many at once.  A controller sees observations and a model, nothing else.
+robot or on many at once.  A controller sees observations and a model, nothing else.  Samples that
+no robot can have moved to are replaced before it sees them (``Gate``); for those that are no
+numbers at all, ``on_invalid`` says what to do.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from controllers.guard import Guard
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model import Model
 
@@ -27,6 +30,12 @@ class Settings:
         torque_limit: torque of action 1, N m.
         speed_limit, yaw_rate_limit: body velocities of action 1 on the kinematic level, m/s and
             rad/s.
+        on_invalid: what to do at an observation with a number that is not finite: ``raise`` a
+            ``ValueError``; ``hold`` the last action, for 0.1 s at most, then brake; ``brake``.
+            To brake is to command velocity 0 where wheel-speed loops follow, and else the torques,
+            N m over ``torque_limit``, with which the model slows down from the last known velocity
+            with a time constant of 0.2 s.
+        gate: whether finite samples that no robot can have moved to are replaced, see ``Gate``.
     """
 
     dt: float = 0.01
@@ -35,6 +44,14 @@ class Settings:
     torque_limit: float = 4.0
     speed_limit: float = 0.8
     yaw_rate_limit: float = 1.6
+    on_invalid: str = "raise"
+    gate: bool = True
+
+    def shared(self) -> dict[str, Any]:
+        """What the environment must know too: arguments of ``TrackingTask``."""
+        own = ("on_invalid", "gate")
+        names = [field.name for field in fields(Settings) if field.name not in own]
+        return {name: getattr(self, name) for name in names}
 
     def require_positive(self, *names: str) -> None:
         """Raise ``ValueError`` where a setting is not a positive finite number."""
@@ -70,8 +87,7 @@ class Controller:
 
     def __init__(self, model: Model, settings: Settings):
         self.settings = settings
-        shared = {field.name: getattr(settings, field.name) for field in fields(Settings)}
-        self.task = TrackingTask(model.platform, self.action_level, **shared)
+        self.task = TrackingTask(model.platform, self.action_level, **settings.shared())
         self._length = self.task.observation_space.shape[0]
         self._memory: np.ndarray | None = None
         self.set_model(model)
@@ -82,8 +98,7 @@ class Controller:
 
         For example ``gym.make("YouBot-v0", model=robot, **controller.env_kwargs)``.
         """
-        shared = {field.name: getattr(self.settings, field.name) for field in fields(Settings)}
-        return {"action_level": self.action_level, **shared}
+        return {"action_level": self.action_level, **self.settings.shared()}
 
     def set_model(self, model: Model) -> None:
         """Believe another model of the same platform from now on, e.g. an identified one.
@@ -98,13 +113,21 @@ class Controller:
                 f"made for {self.task.platform.name!r}; make another controller"
             )
         self.model = model.check()
+        self._guard = Guard(model, self.task, self.settings)
         self.reset()
 
     def reset(self) -> None:
         """Forget what was seen and commanded."""
         self._memory = None
 
-    def predict(self, observation, state=None, episode_start=None, deterministic: bool = True):
+    def predict(
+        self,
+        observation,
+        state=None,
+        episode_start=None,
+        deterministic: bool = True,
+        wheel_angle=None,
+    ):
         """Return ``(action, state)`` for one observation or a batch of them.
 
         Args:
@@ -114,19 +137,25 @@ class Controller:
             episode_start: whether each observation is the first of an episode, a bool or
                 (robots,); None says none is, except right after ``reset``.
             deterministic: accepted as in Stable-Baselines3; nothing here is random.
+            wheel_angle: (n,) or (robots, n), rad, what the encoders show now
+                (``env.unwrapped.wheel_angle``), zero where it was zero in the log that the model
+                was identified from.  Only models whose effects read it gain by it; None lets the
+                controller reckon it from the velocities.
 
         Returns:
             Actions in [-1, 1], (n,) or (robots, n) float32, and the memory, (m,) or (robots, m).
 
         Raises:
-            ValueError: an observation of another size, or one that is not finite.
+            ValueError: an observation or wheel angles of another size, or an observation that is
+                not finite where ``on_invalid`` is ``raise``.
         """
         seen = np.asarray(observation, float)
         single = seen.ndim == 1
         seen = np.atleast_2d(seen)
         self._check(seen)
         kept = self._memory if state is None else np.atleast_2d(np.asarray(state, float))
-        start = self.start()
+        own = self.start()
+        start = np.concatenate([own, np.zeros(self._guard.size)])
         if kept is None or (state is None and len(kept) != len(seen)):
             kept = np.repeat(start[None], len(seen), axis=0)
         elif kept.shape != (len(seen), len(start)):
@@ -136,18 +165,41 @@ class Controller:
             )
         if episode_start is not None and np.any(episode_start):
             kept = np.where(np.reshape(episode_start, (-1, 1)), start, kept)
+        kept, guard = np.hsplit(kept, [len(own)])
+        kept = np.where(self._guard.known(guard), kept, own)
+        if wheel_angle is not None:
+            kept = self.turned(kept, self._checked_angle(wheel_angle, len(seen)))
+        seen, guard = self._guard.admit(seen, guard)
         action, memory = self.act(seen, kept)
+        action = np.clip(action, -1.0, 1.0)
+        if self._guard.invalid(guard).any():
+            action = self._guard.instead(action, seen, guard)
+            memory = self.resent(memory, action)
+        memory = np.hstack([memory, self._guard.sent(action, guard)])
         self._memory = memory
-        action = np.clip(action, -1.0, 1.0).astype(np.float32)
+        action = action.astype(np.float32)
         return (action[0], memory[0]) if single else (action, memory)
 
     def start(self) -> np.ndarray:
-        """Memory (m,) at the start of an episode; never empty."""
+        """What ``act`` remembers at the start of an episode, (m,); never empty."""
         return np.zeros(1)
 
     def act(self, seen: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return actions (robots, n) and new memory (robots, m); subclasses implement it."""
         raise NotImplementedError
+
+    def turned(self, memory: np.ndarray, angle: np.ndarray) -> np.ndarray:
+        """Memory (robots, m) for ``act`` with measured wheel angles (robots, n), rad."""
+        return memory
+
+    @property
+    def uses_wheel_angle(self) -> bool:
+        """Whether measured wheel angles change what it does."""
+        return False
+
+    def resent(self, memory: np.ndarray, action: np.ndarray) -> np.ndarray:
+        """Memory (robots, m) of ``act`` where other actions (robots, n) are sent than it chose."""
+        return memory
 
     def _check(self, seen: np.ndarray) -> None:
         if seen.ndim != 2 or seen.shape[1] != self._length:
@@ -156,6 +208,12 @@ class Controller:
                 f"(..., {self._length}); make the environment with **controller.env_kwargs = "
                 f"{self.env_kwargs}"
             )
-        if not np.isfinite(seen.sum()):
-            row, column = np.argwhere(~np.isfinite(seen))[0]
-            raise ValueError(f"observation[{row}, {column}] = {seen[row, column]} is not finite")
+
+    def _checked_angle(self, angle, robots: int) -> np.ndarray:
+        angle, wheels = np.atleast_2d(np.asarray(angle, float)), len(self.task.platform.wheels)
+        if angle.shape != (robots, wheels):
+            raise ValueError(
+                f"wheel_angle has shape {angle.shape}, {robots} observations need "
+                f"{(robots, wheels)}: one angle for each wheel"
+            )
+        return angle

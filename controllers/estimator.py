@@ -1,7 +1,8 @@
 """Where the robot is, what pushes it, and where it will be when the next command acts.
 
-A controller sees pose error, velocity and heading.  What else the laws of its model read (time,
-place, wheel angles, states of the drive) is carried along here from one observation to the next.
+A controller sees pose error, velocity and heading, and wheel angles where encoders tell them.  What
+else the laws of its model read (time, place, states of the drive, else wheel angles too) is carried
+along here from one observation to the next.
 The measured velocities smooth the measured pose; the force that the model does not explain is
 observed as a disturbance; a delay of the model is bridged by simulating it with the commands that
 are already on their way.
@@ -55,10 +56,14 @@ class Estimator:
     """Follows one robot by its observations and its model.
 
     The world is the one in which the reference starts at the origin; the heading is observed.
-    Wheel angles and states of effects start at zero, as they do in the plants.
+    Wheel angles and states of effects start at zero, as they do in the plants.  Wheel angles that
+    no encoder tells are reckoned from the velocities; on real rollers they were 0.47 rad off after
+    6 s of a circle, nearly half the pitch of a roller, which turns the ripple of a model upside
+    down.
 
     The memory holds: observations so far; pose of the reference and its world velocity;
-    disturbance; flat state of the model at the last observation; commands sent, newest first.
+    disturbance; flat state of the model at the last observation; commands sent, newest first; where
+    the model reads wheel angles, those that encoders tell now, and 1 if they do.
 
     Pose: each observation pulls the pose that follows from the last one and the velocities
     measured since, by the share that forgets old poses with the time constant ``pose_time``.
@@ -77,6 +82,8 @@ class Estimator:
         size: length of the memory.
         state: slice of the memory with the flat state at the last observation.
         sent: slice of the memory with the commands sent, N m, newest first.
+        encoders: slice of the memory with the wheel angles told, rad, and whether they are; empty
+            where no effect reads them.
         guide: length of ``weights``.
     """
 
@@ -97,9 +104,12 @@ class Estimator:
         self.delayed = any(effect.acts("delay") for effect in self.structure.effects)
         delay = self.structure.bind(model.values()).delay()
         self._history = math.ceil(delay / task.dt) + 2 if self.delayed else 1
-        self.size = self.head + self._flat + self._history * len(task.platform.wheels)
+        wheels = len(task.platform.wheels)
         self.state = slice(self.head, self.head + self._flat)
-        self.sent = slice(self.state.stop, self.size)
+        self.sent = slice(self.state.stop, self.state.stop + self._history * wheels)
+        told = wheels + 1 if self.structure.track_wheels else 0
+        self.encoders = slice(self.sent.stop, self.sent.stop + told)
+        self.size = self.encoders.stop
         self.guide = 2 * (task.preview + 1) + THETA
 
     @property
@@ -144,14 +154,21 @@ class Estimator:
         # What the model expected of the period that is over, and what it missed.
         advance = advance_function(self.structure, self.substeps, self._history)
         carried = advance(before, commands, values, t - task.dt, task.dt)
+        rest, told = ca.if_else(first, 0.0, carried[BODY:]), memory[self.encoders]
+        if self.structure.track_wheels:
+            wheels = len(task.platform.wheels)
+            angle = ca.if_else(told[wheels], told[:wheels], rest[:wheels])
+            rest = ca.vertcat(angle, rest[wheels:])
         if self._flat > BODY:
-            state = ca.vertcat(state, ca.if_else(first, 0.0, carried[BODY:]))
+            state = ca.vertcat(state, rest)
         masses, missed = Theta(*ca.vertsplit(weights[-THETA:])), seen[3:6] - carried[3:6]
         geometry = self.structure.platform.geometry
         push = ca.vertcat(*momentum(geometry, masses, tuple(ca.vertsplit(missed)))) / task.dt
         disturbance = memory[7:10] + self._push_share * (push - memory[7:10])
         disturbance = ca.if_else(first, 0.0, disturbance)
-        after = ca.vertcat(memory[0] + 1.0, place, heading, rate, disturbance, state, sent)
+        after = ca.vertcat(
+            memory[0] + 1.0, place, heading, rate, disturbance, state, sent, 0 * told
+        )
         wanted, twist = ca.vertcat(place, heading), twists[:, 0]
         if self.delayed:
             delay = self.structure.bind(ca.vertsplit(values)).delay()
@@ -164,9 +181,17 @@ class Estimator:
 
     def remember(self, memory, command):
         """Complete ``Situation.memory`` by the command that was chosen, N m; on columns."""
-        start, size = self.sent.start, len(self.task.platform.wheels)
-        parts = (memory[:start], command, memory[start : self.size - size])
+        sent, size = self.sent, len(self.task.platform.wheels)
+        kept = memory[sent.start : sent.stop - size]
+        parts = (memory[: sent.start], command, kept, memory[sent.stop : self.size])
         return np.concatenate(parts) if isinstance(memory, np.ndarray) else ca.vertcat(*parts)
+
+    def tell(self, memory: np.ndarray, angle: np.ndarray) -> np.ndarray:
+        """The memory (robots, size or more) with wheel angles (robots, n), rad, of encoders."""
+        finite = np.isfinite(angle).all(axis=1, keepdims=True)
+        memory = memory.copy()
+        memory[:, self.encoders] = np.where(finite, np.hstack([angle, finite]), 0.0)
+        return memory
 
     def _simulate(self, state, commands, values, t, delay):
         """Bridge the delay: the k-th newest command acts until ``delay - k dt`` from now."""

@@ -123,6 +123,21 @@ class LawController(Controller):
         """See the base class."""
         return self.evaluate(seen, memory, self._values[None])
 
+    def turned(self, memory: np.ndarray, angle: np.ndarray) -> np.ndarray:
+        """See the base class."""
+        return self.estimator.tell(memory, angle) if self.uses_wheel_angle else memory
+
+    @property
+    def uses_wheel_angle(self) -> bool:
+        """See the base class."""
+        return self.estimator.structure.track_wheels
+
+    def resent(self, memory: np.ndarray, action: np.ndarray) -> np.ndarray:
+        """See the base class."""
+        memory, newest = memory.copy(), self.estimator.sent.start
+        memory[:, newest : newest + action.shape[1]] = self.task.torque_limit * action
+        return memory
+
     def evaluate(self, seen, memory, values, *extra) -> tuple[np.ndarray, np.ndarray]:
         """Call the law; every input has one row a robot, or one row that all share."""
         yaw = np.arctan2(seen[:, 7:8], seen[:, 6:7])

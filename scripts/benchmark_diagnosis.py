@@ -82,8 +82,14 @@ def benchmark(
         tasks = [task for task in tasks if (task[0], task[1].id) in there]
         if not tasks:
             raise ValueError(f"{results} holds no finished case of this code; leave out --finished")
-    with console.progress("cases", len(tasks), "cases") as tell:
-        records = run(tasks, store, jobs, tell, resume)
+    try:
+        with console.progress("cases", len(tasks), "cases") as tell:
+            records = run(tasks, store, jobs, tell, resume)
+    except KeyboardInterrupt:
+        raise console.Stopped(
+            f"stopped; finished cases are kept in {console.shown(results)}: the same command goes "
+            "on from there"
+        ) from None
     found = summarise(records)
     found["version"] = store.version
     found["provenance"] = console.provenance(seed)

@@ -1,7 +1,7 @@
 """What all scripts share: exit statuses, clear errors, tables, progress, JSON and provenance.
 
 Exit status 0: done.  1: a check failed.  2: bad input, told in one message on stderr.  3: a fault
-of the program, with its traceback.  With
+of the program, with its traceback.  130: stopped by Ctrl-C, which says how to go on.  With
 ``YOUBOT_DEBUG=1`` in the environment an error shows its traceback.
 """
 
@@ -33,7 +33,7 @@ from rich.table import Table
 from youbot_env.model_file import write_atomically
 
 ROOT = Path(__file__).resolve().parent.parent
-FAULT = 3
+FAULT, STOPPED = 3, 130
 INDENT = {"initial_indent": "  - ", "subsequent_indent": "    "}
 # Options that name a file to write; what other words of a command line name is read.
 RESULTS = ("--out", "--json", "--truth", "--onnx", "--results", "--report")
@@ -53,6 +53,10 @@ class CheckFailed(Exception):
     """A check of the command said no; the message is shown and the exit status is 1."""
 
 
+class Stopped(Exception):
+    """Ctrl-C stopped long work; the message says how to go on, and the exit status is 130."""
+
+
 def run(command: Callable[..., None], example: str, several: tuple[str, ...] = ()) -> None:
     """Run a function with typer annotations as the command line, and exit with its status.
 
@@ -69,6 +73,9 @@ def run(command: Callable[..., None], example: str, several: tuple[str, ...] = (
         except CheckFailed as error:
             err.print(str(error), style="red", soft_wrap=True)
             raise typer.Exit(1) from error
+        except Stopped as error:
+            err.print(str(error), soft_wrap=True)
+            raise typer.Exit(STOPPED) from error
         except BAD_INPUT as error:
             if os.environ.get("YOUBOT_DEBUG"):
                 raise

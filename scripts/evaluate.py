@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,14 +11,15 @@ import console
 import evaluate_robots
 import given_effects
 import typer
-from crew import Crew
+from crew import Crew, Piece
 from evaluate_tables import error_rows, gap_rows, tell
+from pieces import Pieces, digest, place
 
 from controllers import controller_names, find, make
 from controllers.evaluation import solver_check, tornado
 from controllers.evaluation.claims import claims, solver_claims
 from controllers.evaluation.motions import FREQUENCIES, REFERENCES
-from controllers.evaluation.plan import Block, Job, default_blocks, make_jobs, weight
+from controllers.evaluation.plan import Block, default_blocks, make_jobs, weight
 from controllers.evaluation.results import Results
 from controllers.evaluation.run import Run, run_all
 from controllers.evaluation.subjects import MODELS, PLANTS, Subject, draw_subjects
@@ -70,7 +72,8 @@ def evaluate(
     drawn; each records a calibration log and is identified from it, with and without the effects.
     Controllers follow references with the nominal, the identified and the true model, paired robot
     by robot.  Without options a selection is run that takes less than five minutes on two cores;
-    with --controller, --reference or --frequency all combinations.
+    with --controller, --reference or --frequency all combinations.  Finished pieces are kept until
+    all is done: a run that was stopped goes on where it was when it is called again.
     """
     page_file = None if report is None else report / "index.html"
     console.check_writable(json_file, page_file)
@@ -79,33 +82,40 @@ def evaluate(
     hidden = sizes(given_effects.parse_effects(effect)) if effect else HIDDEN
     counts = {"analytic": robots, "rollers": roller_robots}
     plants = list(dict.fromkeys(block.plant for block in blocks))
-    crew = Crew(jobs or os.cpu_count() or 1, effects)
-    subjects = calibrate(plants, counts, hidden, seed, crew)
-    sensors = Sensors() if noise else None
-    results = Results(drive(blocks, counts, subjects, sensors, crew))
-    costs = wrong_beliefs(subjects, sensors, crew) if wrong else []
-    checked = claims(results)
-    solver = solver_runs(subjects[plants[0]][0], steps) if steps else None
-    if solver:
-        checked += solver_claims(solver["endurance"], solver["against_exact"])
+    settings = {"hidden": hidden, "noise": noise, "seed": seed, "log": LOG_SECONDS}
+    settings["effects"] = digest([effects])
+    pieces = Pieces(place("evaluate", report, json_file), settings)
+    crew = Crew(jobs or os.cpu_count() or 1, pieces, effects)
+    with pieces:
+        subjects = calibrate(plants, counts, hidden, seed, crew)
+        sensors = Sensors() if noise else None
+        results = Results(drive(blocks, counts, subjects, sensors, crew))
+        costs = wrong_beliefs(subjects, sensors, crew) if wrong else []
+        checked = claims(results)
+        solver = solver_runs(subjects[plants[0]][0], steps, pieces) if steps else None
+        if solver:
+            checked += solver_claims(solver["endurance"], solver["against_exact"])
 
-    history = console.provenance(seed)
-    used = {"hidden": hidden, "robots": {name: counts[name] for name in plants}, "noise": noise}
-    result = {"setup": used | {"skipped": skipped}, "claims": [c.as_dict() for c in checked]}
-    result |= {"errors": error_rows(results), "gap_closed": gap_rows(results)}
-    result |= {"wrong_beliefs": [c.as_dict() for c in costs], "mpc": solver}
-    address = None
-    if report is not None:
-        from evaluate_page import evaluation_page
+        history = console.provenance(seed)
+        used = {"hidden": hidden, "robots": {name: counts[name] for name in plants}}
+        used |= {"noise": noise}
+        result = {"setup": used | {"skipped": skipped}, "claims": [c.as_dict() for c in checked]}
+        result |= {"errors": error_rows(results), "gap_closed": gap_rows(results)}
+        result |= {"wrong_beliefs": [c.as_dict() for c in costs], "mpc": solver}
+        address = None
+        if report is not None:
+            from evaluate_page import evaluation_page
 
-        with console.progress("page", 1) as show:
-            words = console.in_words(history)
-            page, films = evaluation_page(results, checked, costs, solver, subjects, used, words)
-            for name, film in films.items():
-                write_atomically(report / name, film)
-            address = page.write(report)
-            show(1)
-    console.write_json(json_file, result | {"provenance": history})
+            with console.progress("page", 1) as show:
+                words = console.in_words(history)
+                page, films = evaluation_page(
+                    results, checked, costs, solver, subjects, used, words
+                )
+                for name, film in films.items():
+                    write_atomically(report / name, film)
+                address = page.write(report)
+                show(1)
+        console.write_json(json_file, result | {"provenance": history})
     tell(results, checked, costs, skipped)
     if address:
         console.out.print(f"page: {address}", soft_wrap=True)
@@ -171,8 +181,12 @@ def calibrate(
         for plant in plants
         for subject in draw_subjects(plant, counts[plant], load_model("paper"), hidden, seed)
     ]
-    calls = [(evaluate_robots.calibrated, (subject, LOG_SECONDS)) for subject in drawn[::-1]]
-    found = crew.run("identifying robots", calls)
+    work = [
+        Piece(f"{s.plant} {s.number}", evaluate_robots.calibrated, (s, LOG_SECONDS))
+        for s in drawn[::-1]
+    ]
+    kept = crew.run("identifying robots", work, evaluate_robots.pack)
+    found = [evaluate_robots.unpack(s, one) for s, one in zip(drawn[::-1], kept, strict=True)]
     return {
         plant: sorted((s for s in found if s.plant == plant), key=lambda s: s.number)
         for plant in plants
@@ -183,30 +197,53 @@ def drive(
     blocks: list[Block], counts: dict, subjects: dict, sensors: Sensors | None, crew: Crew
 ) -> list[Run]:
     """All runs of all blocks."""
-    jobs: list[Job] = make_jobs(blocks, counts)
-    calls = [
-        (run_all, (subjects[j.plant][j.robot], j.controller, j.model, j.motions, sensors))
-        for j in jobs
+    work = [
+        Piece(
+            f"{j.plant} {j.robot}, {j.controller}, {j.model}: {j.motions}",
+            run_all,
+            (subjects[j.plant][j.robot], j.controller, j.model, j.motions, sensors),
+            weight(j),
+        )
+        for j in make_jobs(blocks, counts)
     ]
-    weights = [weight(job) for job in jobs]
-    return [run for runs in crew.run("driving", calls, weights) for run in runs]
+    kept = crew.run(
+        "driving",
+        work,
+        lambda runs: [asdict(r) for r in runs],
+        lambda runs: [Run(**r) for r in runs],
+    )
+    return [run for runs in kept for run in runs]
 
 
 def wrong_beliefs(subjects: dict, sensors: Sensors | None, crew: Crew) -> list[tornado.Cost]:
     """Costs of wrong parameters and missing effects, on the first plant."""
     asked = next(iter(subjects.values()))[:TORNADO_ROBOTS]
-    calls = [(tornado.errors, (subject, sensors)) for subject in asked]
-    return tornado.costs(crew.run("wrong on purpose", calls))
+    work = [Piece(f"{s.plant} {s.number}", tornado.errors, (s, sensors)) for s in asked]
+    found = crew.run(
+        "wrong on purpose",
+        work,
+        lambda errors: [[*change, error] for change, error in errors.items()],
+        lambda rows: {tornado.Change(*row[:-1]): row[-1] for row in rows},
+    )
+    return tornado.costs(found)
 
 
-def solver_runs(subject: Subject, steps: int) -> dict[str, Any]:
+def solver_runs(subject: Subject, steps: int, pieces: Pieces) -> dict[str, Any]:
     """Predictive control under stress and beside IPOPT; nothing else runs meanwhile."""
     with console.progress("predictive control", steps, "periods") as show:
-        endurance = solver_check.endurance(subject, steps, show)
+        endurance = pieces.once(
+            f"endurance {subject.plant}, {steps} steps",
+            lambda: solver_check.endurance(subject, steps, show),
+        )
     exact, motions = [], solver_check.EXACT_MOTIONS
     with console.progress("beside IPOPT", len(motions), "runs") as show:
         for number, motion in enumerate(motions, start=1):
-            exact.append(solver_check.against_exact(subject, motion))
+            exact.append(
+                pieces.once(
+                    f"beside IPOPT {subject.plant}, {motion}",
+                    lambda motion=motion: solver_check.against_exact(subject, motion),
+                )
+            )
             show(number)
     return {"endurance": endurance, "against_exact": exact}
 

@@ -10,7 +10,10 @@ from controllers.evaluation.subjects import IDENTIFIED, INFORMED, NOMINAL, Subje
 from ident.identification import Identification, identify
 from ident.log import Log
 from youbot_env.channels import channel_columns
+from youbot_env.effects import get_effect
+from youbot_env.model import ActiveEffect
 from youbot_env.model_file import load_model
+from youbot_env.parameters import Parameters
 from youbot_env.recording import record_motion
 from youbot_env.references import calibration_sequence
 from youbot_env.simulation import AnalyticPlant, Sensors
@@ -44,14 +47,38 @@ def calibrated(subject: Subject, seconds: float) -> Subject:
 
     The identifiers get the log and the nominal model.  ``identified`` has the seven parameters of
     the equations; ``identified + effects`` is told which effects to look for, as after a diagnosis
-    that named them, and finds their sizes.
+    that named them, and finds their sizes.  Where rollers are real, ``roller_ripple`` is one of
+    them: every such robot has it, and diagnosis asks for it before anything else.
     """
     log, nominal = record(subject, seconds), load_model("nominal")
     effects = tuple(active.identifier for active in subject.truth.effects)
+    effects += ("roller_ripple",) if subject.plant == "rollers" else ()
     plain = identify(log, nominal, name=IDENTIFIED)
     informed = identify(log, nominal, add=effects, name=INFORMED)
     beliefs = {NOMINAL: nominal, IDENTIFIED: plain.model, INFORMED: informed.model}
     return replace(subject, beliefs=beliefs, half_widths=half_widths(informed))
+
+
+def pack(subject: Subject) -> dict:
+    """What ``calibrated`` has found, in types that JSON has."""
+    beliefs = {
+        name: {
+            "parameters": model.parameters.as_dict(),
+            "effects": {active.identifier: active.values for active in model.effects},
+        }
+        for name, model in subject.beliefs.items()
+    }
+    return {"beliefs": beliefs, "half_widths": subject.half_widths}
+
+
+def unpack(subject: Subject, kept: dict) -> Subject:
+    """The subject with what ``pack`` says: values of models, without their intervals."""
+    nominal, beliefs = load_model("nominal"), {}
+    for name, entry in kept["beliefs"].items():
+        effects = [ActiveEffect(get_effect(i), values) for i, values in entry["effects"].items()]
+        parameters = Parameters(**entry["parameters"])
+        beliefs[name] = replace(nominal, parameters=parameters, effects=tuple(effects), name=name)
+    return replace(subject, beliefs=beliefs, half_widths=kept["half_widths"])
 
 
 def half_widths(found: Identification) -> dict[str, float]:

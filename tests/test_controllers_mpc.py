@@ -90,7 +90,7 @@ def test_repeated_iterations_arrive_at_the_solution_of_ipopt(effects, size):
 def test_closed_loop_of_the_fast_solver_is_within_five_percent_of_ipopt():
     errors = {}
     for solver in ("rti", "ipopt"):
-        controller = make("mpc", NOMINAL, solver=solver, time_limit=5.0, torque_limit=3.0)
+        controller = make("mpc", NOMINAL, solver=solver, torque_limit=3.0)
         errors[solver] = drive(controller, steps=70, settle=0, frequency=3.0, sensors=Sensors())
         assert controller.counts["fallback"] == 0
     assert errors["rti"] == pytest.approx(errors["ipopt"], rel=0.05)
@@ -100,13 +100,13 @@ def test_closed_loop_of_the_fast_solver_is_within_five_percent_of_ipopt():
 @pytest.mark.parametrize("frequency", [0.5, 1.5, 3.0])
 def test_with_the_true_model_five_times_better_than_the_kinematic_controller(frequency):
     kinematic, _ = drive(make("kinematic", PAPER), frequency=frequency)
-    controller = make("mpc", PAPER, time_limit=1.0)
+    controller = make("mpc", PAPER)
     assert 5 * drive(controller, frequency=frequency, steps=500)[0] < kinematic
 
 
 def test_real_rollers_within_ten_millimetres_and_one_degree():
     position, yaw = drive(
-        make("mpc", PAPER, time_limit=1.0), reference="eight", frequency=0.5,
+        make("mpc", PAPER), reference="eight", frequency=0.5,
         env_id="YouBotRollers-v0", steps=450, settle=150,
     )  # fmt: skip
     assert position < 0.010
@@ -127,14 +127,14 @@ def test_another_model_builds_nothing_and_new_effects_build_once():
 
 
 def test_values_of_the_model_reach_the_solver():
-    right, wrong = (drive(make("mpc", m, time_limit=1.0), steps=400)[0] for m in (PAPER, NOMINAL))
+    right, wrong = (drive(make("mpc", m), steps=400)[0] for m in (PAPER, NOMINAL))
     assert 20 * right < wrong
 
 
 def test_speed_limits_are_soft_and_torque_limits_hard():
     speeds = {}
     for limit in (0.35, 5.0):
-        controller = make("mpc", PAPER, soft_speed=limit, soft_yaw_rate=5.0, time_limit=1.0)
+        controller = make("mpc", PAPER, soft_speed=limit, soft_yaw_rate=5.0)
         plant, state, speeds[limit] = AnalyticPlant(PAPER), None, 0.0
         for _ in range(330):
             x, y, yaw, *velocity = plant.motion()
@@ -180,7 +180,7 @@ class Failing:
 
 
 def test_after_a_failed_solve_the_warm_start_is_dropped_and_the_failure_counted():
-    controller = make("mpc", PAPER, time_limit=1.0)
+    controller = make("mpc", PAPER)
     controller.solver = Failing(controller.solver, fails={3})
     seen, state = np.zeros(controller.task.observation_space.shape), None
     seen[[0, 6]] = 0.05, 1.0
@@ -204,7 +204,7 @@ def test_a_problem_without_a_finite_answer_is_reported_as_failed():
 
 def test_every_step_is_recorded_under_noise_delay_and_saturation():
     robot = PAPER.with_effects({"actuator_delay": 0.03, "torque_saturation": 2.5})
-    controller = make("mpc", robot, time_limit=1.0, torque_limit=2.5)
+    controller = make("mpc", robot, torque_limit=2.5)
     drive(controller, robot, "eight", 3.0, steps=400, sensors=Sensors())
     assert len(controller.solves) == 400
     assert controller.counts["solved"] + controller.counts["solved at a limit"] == 400
@@ -215,11 +215,47 @@ def test_every_step_is_recorded_under_noise_delay_and_saturation():
 def test_a_solve_takes_about_a_millisecond(monkeypatch):
     # Time of this thread on its core; that of other processes on a busy machine does not count.
     monkeypatch.setattr(mpc.time, "perf_counter", time.thread_time)
-    controller = make("mpc", PAPER, time_limit=1.0)
+    controller = make("mpc", PAPER)
     drive(controller, steps=400, sensors=Sensors())
     seconds = [solve.seconds for solve in controller.solves]
     assert np.median(seconds) < 1e-3
     assert np.percentile(seconds, 99) < 3e-3
+
+
+@pytest.mark.parametrize("solver", ["rti", "ipopt"])
+def test_equal_runs_give_equal_actions_however_slow_the_machine(solver, monkeypatch):
+    """A clock that jumps by up to a second from one look to the next changes nothing."""
+    rng, now, streams = np.random.default_rng(0), [0.0], []
+
+    def erratic():
+        now[0] += rng.uniform(0.0, 1.0)
+        return now[0]
+
+    for clock in (None, erratic, erratic):
+        if clock:
+            monkeypatch.setattr(mpc.time, "perf_counter", clock)
+        controller = make("mpc", NOMINAL, solver=solver, torque_limit=2.5)
+        act, stream = controller.act, []
+
+        def kept(seen, memory, act=act, stream=stream):
+            action, memory = act(seen, memory)
+            stream.append(action)
+            return action, memory
+
+        controller.act = kept
+        drive(controller, steps=12 if solver == "ipopt" else 200, settle=0, frequency=3.0,
+              sensors=Sensors())  # fmt: skip
+        streams.append(np.array(stream))
+        assert controller.counts["fallback"] == 0
+    np.testing.assert_array_equal(streams[1], streams[0])
+    np.testing.assert_array_equal(streams[2], streams[0])
+
+
+def test_too_few_iterations_are_a_failed_solve_and_computed_torque_takes_over():
+    controller = make("mpc", PAPER, iteration_limit=1, torque_limit=1.0)
+    drive(controller, steps=40, settle=0, frequency=3.0)
+    assert controller.counts["fallback"] > 5
+    assert controller.counts["late"] == 0
 
 
 def test_bad_settings_name_the_value():
@@ -227,3 +263,5 @@ def test_bad_settings_name_the_value():
         make("mpc", PAPER, solver="osqp")
     with pytest.raises(ValueError, match="time_limit = 0"):
         make("mpc", PAPER, time_limit=0)
+    with pytest.raises(ValueError, match="iteration_limit = 0; give a whole"):
+        make("mpc", PAPER, iteration_limit=0)

@@ -89,9 +89,7 @@ def against_exact(subject: Subject, motion: Motion) -> dict:
     """
     result: dict = {"reference": motion.name, "frequency": motion.frequency, "speed": motion.speed}
     for solver in ("rti", "ipopt"):
-        controller: MPC = make(
-            "mpc", subject.model(NOMINAL), solver=solver, time_limit=30.0, torque_limit=LIMIT
-        )
+        controller: MPC = make("mpc", subject.model(NOMINAL), solver=solver, torque_limit=LIMIT)
         env = make_env(subject, controller, Sensors())
         trace = drive(controller, env, motion, subject.seed)
         env.close()

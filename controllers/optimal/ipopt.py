@@ -25,14 +25,14 @@ class Ipopt:
     Args:
         structure: platform and effects.
         steps: length of the horizon.
-        time_limit: s, after which IPOPT gives up.
+        iterations: after which IPOPT gives up.
     """
 
-    def __init__(self, structure: Structure, steps: int, time_limit: float = 2.0):
+    def __init__(self, structure: Structure, steps: int, iterations: int = 200):
         self._steps, self._wheels = steps, len(structure.platform.wheels)
         self._size = structure.state_size
         problem, self._commands = transcribe(structure, steps)
-        quiet = {"print_level": 0, "sb": "yes", "tol": 1e-7, "max_wall_time": time_limit}
+        quiet = {"print_level": 0, "sb": "yes", "tol": 1e-7, "max_iter": iterations}
         options = {"print_time": False, "error_on_fail": False, "ipopt": quiet}
         self._solver = ca.nlpsol("tracking", "ipopt", problem, options)
 

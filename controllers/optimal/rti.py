@@ -24,16 +24,18 @@ class RealTimeIteration:
     Args:
         structure: platform and effects.
         steps: length of the horizon.
+        iterations: changes of the active set after which DAQP gives up.
     """
 
-    def __init__(self, structure: Structure, steps: int):
+    def __init__(self, structure: Structure, steps: int, iterations: int = 200):
         self._newton = Columns(newton_step(structure, steps))
         self._steps, self._wheels = steps, len(structure.platform.wheels)
         self._size = structure.state_size
         self._response = Columns(response(self._size, self._wheels, steps))
         count = steps * self._wheels
         pattern = {"h": ca.Sparsity.dense(count, count), "a": ca.Sparsity(0, count)}
-        self._program = Columns(ca.conic("program", "daqp", pattern, {"error_on_fail": False}))
+        options = {"error_on_fail": False, "daqp": {"iter_limit": iterations}}
+        self._program = Columns(ca.conic("program", "daqp", pattern, options))
 
     def solve(self, request: Request) -> Solution:
         """See ``Solver``."""

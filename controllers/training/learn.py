@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
 import youbot_env
-from controllers import Settings, find, make
+from controllers import find, make
 from controllers.training.checkpoint import Checkpoint
 from controllers.training.export import to_policy
 from controllers.training.lesson import Lesson
@@ -163,8 +163,7 @@ class Run:
         recipe = self.recipe
         seed = int(np.random.SeedSequence([self.seed, start]).generate_state(1)[0])
         robot, randomization = make_world(self.world, self.model)
-        settings = find(recipe.algorithm).Settings()
-        shared = {field.name: getattr(settings, field.name) for field in fields(Settings)}
+        shared = find(recipe.algorithm).Settings().shared()
         native = gym.make_vec(
             "YouBot-v0", recipe.copies, vectorization_mode="vector_entry_point",
             autoreset_mode="SameStep", max_episode_steps=recipe.episode, model=robot,

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import time
 import traceback
 from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -19,12 +15,11 @@ from ident.benchmark.methods import METHODS
 from ident.benchmark.store import Store
 from ident.diagnosis.parts import choosing_until
 from ident.free_run import free_run
+from ident.workers import spread
 from youbot_env.effects import left_out
 
 Task = tuple[str, Case]
 Method = Callable[..., dict[str, Any]]
-# One thread a worker: the cases are the parallelism.
-SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
 
 
 def run(
@@ -46,7 +41,8 @@ def run(
         methods: functions by name; with several jobs they must be importable.
 
     Raises:
-        RuntimeError: a worker was killed; what is finished is kept.
+        ChildProcessError: the process of one case was killed again and again; what is finished
+            is kept.
     """
     tasks = list(tasks)
     known = store.finished() if resume else {}
@@ -61,22 +57,9 @@ def run(
 
 
 def _answers(tasks: list[Task], jobs: int, methods: dict[str, Method]) -> Iterable[dict[str, Any]]:
-    if jobs == 1:
-        yield from (examine(*task, methods) for task in tasks)
-        return
-    os.environ |= dict.fromkeys(SINGLE, "1")  # what the workers inherit before they load anything
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        waiting = [pool.submit(examine, *task, methods) for task in tasks]
-        try:
-            for future in as_completed(waiting):
-                yield future.result()
-        except BrokenProcessPool as error:
-            raise RuntimeError(
-                "a worker process was killed, perhaps for memory; what is finished is kept, run "
-                "again with fewer --jobs to go on"
-            ) from error
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+    calls = [(examine, (*task, methods)) for task in tasks]
+    names = [f"{case.id} ({method})" for method, case in tasks]
+    return (record for _, record in spread(calls, names, jobs))
 
 
 def examine(method: str, case: Case, methods: dict[str, Method] = METHODS) -> dict[str, Any]:

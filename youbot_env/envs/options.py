@@ -83,19 +83,43 @@ class EpisodeOptions:
         return pose, first.twist(ops) if self.follow else (0.0, 0.0, 0.0)
 
 
+def as_numbers(action, shape: tuple[int, ...], what: str) -> np.ndarray:
+    """Return what a user passed to ``step`` as an array of real numbers.
+
+    Args:
+        action: anything.
+        shape: that it has to have.
+        what: it is, for messages: "action has" or "actions have".
+
+    Raises:
+        ValueError: not numbers, complex ones, numbers beyond 64 bits, or another shape.
+    """
+    try:
+        array = np.asarray(action)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"{what} no shape ({error}); this environment takes {shape}") from error
+    if array.shape != shape:
+        raise ValueError(f"{what} shape {array.shape}; this environment takes {shape}")
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"{what} type {array.dtype}; give real numbers, for example float32")
+    return array
+
+
+def diverged(t: float, where: str = "") -> FloatingPointError:
+    """The error of a simulation whose reward is no number any more, at time t, s."""
+    return FloatingPointError(
+        f"the simulation left the finite numbers at t = {t:.3f} s{where}; use a smaller "
+        "torque_limit, or a slower start"
+    )
+
+
 def check_action(action, shape: tuple[int, ...]) -> list[float]:
     """Return the action as floats clipped to [-1, 1].
 
     Raises:
-        ValueError: wrong shape, or a value that is not a finite number.
+        ValueError: wrong shape or type, or a value that is not a finite number.
     """
-    array = np.asarray(action)
-    if array.shape != shape:
-        raise ValueError(f"action has shape {array.shape}; this environment takes {shape}")
-    try:
-        values = array.astype(float).tolist()
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"action {action!r} is not numeric") from error
+    values = as_numbers(action, shape, "action has").astype(float).tolist()
     for index, value in enumerate(values):
         if not -1.0 <= value <= 1.0:
             if value != value or value in (float("inf"), float("-inf")):

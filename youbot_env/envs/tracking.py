@@ -11,7 +11,7 @@ import numpy as np
 from youbot_env.backend import FLOAT, NUMPY
 from youbot_env.envs.look import Look
 from youbot_env.envs.noise import BLOCK, noise_block
-from youbot_env.envs.options import EpisodeOptions, check_action
+from youbot_env.envs.options import EpisodeOptions, check_action, diverged
 from youbot_env.envs.settings import TrackingSettings
 from youbot_env.model import Model
 from youbot_env.simulation import AnalyticPlant
@@ -133,7 +133,12 @@ class TrackingEnv(gym.Env):
         return observation, info
 
     def step(self, action):
-        """Apply one action for ``dt``."""
+        """Apply one action for ``dt``.
+
+        Raises:
+            ValueError: an action of another shape or type, or one that is not finite.
+            FloatingPointError: the simulation left the finite numbers.
+        """
         if self._look is None:
             raise gym.error.ResetNeeded("call reset() before step()")
         action = check_action(action, self._size)
@@ -147,6 +152,8 @@ class TrackingEnv(gym.Env):
         t = self._steps * self.task.dt
         self._look.action[:] = action
         observation, reward, lost = self._see(t)
+        if reward != reward:
+            raise diverged(t)
         if self.render_mode == "human":
             self.render()
         return observation, reward, lost, t >= self._end - self.task.dt / 2, self._info()
@@ -176,6 +183,11 @@ class TrackingEnv(gym.Env):
             "reference_pose": self._look.wanted.copy(),
             "torque": np.array(self._torque),
         }
+
+    @property
+    def wheel_angle(self) -> np.ndarray:
+        """Wheel angles (n,), rad, that encoders show now; zero at the start of an episode."""
+        return self._plant.wheel_angle
 
     def measurement(self) -> dict[str, Any]:
         """True values of the channels that a log records now; for ``youbot_env.recording``."""

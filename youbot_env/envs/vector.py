@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from youbot_env.backend import NUMPY, NUMPY_FAST
 from youbot_env.envs.noise import BLOCK, noise_block
-from youbot_env.envs.options import EpisodeOptions
+from youbot_env.envs.options import EpisodeOptions, as_numbers, diverged
 from youbot_env.envs.schedule import make_schedule
 from youbot_env.envs.settings import TrackingSettings
 from youbot_env.plant import State, Structure
@@ -192,6 +192,9 @@ class TrackingVectorEnv(VectorEnv):
             self._begin(again, EpisodeOptions())
         error = self._error()
         reward, terminated = task.judge(error, action, NUMPY)
+        if not np.isfinite(reward.sum()):
+            copy = int(np.flatnonzero(~np.isfinite(reward))[0])
+            raise diverged(float(t[copy]), f" in copy {copy}")
         truncated = (self._steps >= self.max_episode_steps) | (
             t >= self.reference.duration - task.dt / 2
         )
@@ -218,21 +221,23 @@ class TrackingVectorEnv(VectorEnv):
         return observation, self._info() | self._revealed(rows) | ends
 
     def _check(self, actions) -> tuple:
-        array = np.asarray(actions)
-        if array.shape != self.action_space.shape:
-            raise ValueError(
-                f"actions have shape {array.shape}; this environment takes "
-                f"{self.action_space.shape}"
-            )
+        given = as_numbers(actions, self.action_space.shape, "actions have")
         # Slopes are evaluated in single precision; the wheel loops (integrals) are not.
         precision = np.float32 if self.task.action_level == "torque" else float
-        array = np.array(array.T, dtype=precision, order="C")
+        with np.errstate(over="ignore"):
+            array = np.array(given.T, dtype=precision, order="C")
+            total = array.sum()
         # A NaN or an infinity anywhere makes the sum so; looking for the place can then be slow.
-        if not np.isfinite(array.sum()):
-            wheel, copy = np.argwhere(~np.isfinite(array))[0]
-            raise ValueError(
-                f"actions[{copy}, {wheel}] = {array[wheel, copy]}; actions must be finite numbers"
-            )
+        if not np.isfinite(total):
+            finite = np.isfinite(given)
+            if not finite.all():
+                copy, wheel = np.argwhere(~finite)[0]
+                raise ValueError(
+                    f"actions[{copy}, {wheel}] = {given[copy, wheel]}; actions must be finite "
+                    "numbers"
+                )
+            # Finite, but too large for single precision or for a sum.
+            array = np.array(np.clip(given, -1.0, 1.0).T, dtype=precision, order="C")
         return tuple(np.clip(array, -1.0, 1.0, out=array))
 
     def _torque(self, action: tuple) -> tuple:

@@ -1,0 +1,113 @@
+"""Finished pieces of long work, kept in a folder so that a run that was stopped can go on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import console
+
+from youbot_env.model_file import write_atomically
+
+# What a result rests on besides what the caller says: code, models and trained policies.
+ROOMS, KINDS = ("youbot_env", "ident", "controllers", "models"), (".py", ".yaml", ".npz")
+
+
+class Pieces:
+    """One JSON file for each finished piece, named by a hash of everything it depends on.
+
+    Files that are damaged, or of other settings, other inputs or other code, are as good as none.
+    Used as ``with pieces:`` around the whole work, they are removed once it is done, and Ctrl-C
+    says how to go on.
+
+    Args:
+        folder: where they are kept; made with the first.
+        settings: what all pieces depend on (options, seed, ``digest`` of input files); JSON.
+    """
+
+    def __init__(self, folder: Path, settings: dict[str, Any]):
+        self.folder = folder
+        self._settings = {"settings": settings, "code": code_version()}
+
+    def __enter__(self) -> Pieces:
+        return self
+
+    def __exit__(self, kind, error, trace) -> None:
+        if kind is None:
+            self.remove()
+        elif issubclass(kind, KeyboardInterrupt):
+            raise console.Stopped(
+                f"stopped; what is finished is kept in {console.shown(self.folder)}: the same "
+                "command goes on from there"
+            ) from None
+
+    def find(self, name: str) -> Any:
+        """What was kept under a name, or None."""
+        key = self._key(name)
+        try:
+            kept = json.loads(self._path(key).read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
+            return None
+        return kept.get("value") if isinstance(kept, dict) and kept.get("key") == key else None
+
+    def keep(self, name: str, value: Any) -> Any:
+        """Keep a piece, whole or not at all.
+
+        Args:
+            name: of the piece.
+            value: in types that JSON has, not None.
+
+        Returns:
+            The value as ``find`` gives it, so that a run that goes on ends like one in one go.
+        """
+        key = self._key(name)
+        text = json.dumps({"key": key, "value": value})
+        write_atomically(self._path(key), text)
+        return json.loads(text)["value"]
+
+    def once(self, name: str, call: Callable[[], Any]) -> Any:
+        """What was kept under a name, or what the call gives, which is then kept."""
+        found = self.find(name)
+        return self.keep(name, call()) if found is None else found
+
+    def remove(self) -> None:
+        """Remove all pieces in the folder, those of other settings too, and the folder."""
+        for path in self.folder.glob("*.piece.json"):
+            path.unlink(missing_ok=True)
+        if self.folder.is_dir() and not any(self.folder.iterdir()):
+            self.folder.rmdir()
+
+    def _key(self, name: str) -> dict[str, Any]:
+        # As it comes out of a file again.
+        return json.loads(json.dumps(self._settings | {"piece": name}))
+
+    def _path(self, key: dict) -> Path:
+        text = json.dumps(key, sort_keys=True)
+        return self.folder / f"{hashlib.sha256(text.encode()).hexdigest()[:20]}.piece.json"
+
+
+def place(command: str, report: Path | None, json_file: Path | None) -> Path:
+    """Folder for the pieces of a command: in its report, else beside its file, else in runs."""
+    if report is not None:
+        return report / "pieces"
+    beside = Path("runs") if json_file is None else json_file.parent
+    return beside / f"{command if json_file is None else json_file.stem}.pieces"
+
+
+def digest(paths: Iterable[Path | None]) -> list[str]:
+    """SHA-256 of the files."""
+    return [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths if path is not None]
+
+
+def code_version() -> str:
+    """Fingerprint of the packages."""
+    found = hashlib.sha256()
+    for room in ROOMS:
+        for path in sorted((console.ROOT / room).rglob("*")):
+            if path.suffix in KINDS:
+                found.update(path.relative_to(console.ROOT).as_posix().encode())
+                found.update(path.read_bytes())
+    return found.hexdigest()[:16]
