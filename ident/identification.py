@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
+from ident.disagreement import disagreements, with_disagreements
+from ident.doctor.finding import Finding
 from ident.estimators import CLUSTERS, Estimate, durbin_wu_hausman
 from ident.free_run import FreeRun, free_run
 from ident.instruments import without_instruments
@@ -57,6 +59,7 @@ class Identification:
         names: of all fit logs.
         recording: how the rows of every log came to be.
         refinement: result of the free-run refinement, where it was asked for.
+        differs: test logs that are not of the robot of the fitted ones, by name.
     """
 
     model: Model
@@ -81,6 +84,7 @@ class Identification:
     names: tuple[str, ...]
     recording: tuple[Instrument, ...]
     refinement: OutputError | None
+    differs: dict[str, Finding]
 
     @property
     def test(self) -> Log | None:
@@ -152,8 +156,9 @@ def identify(
     late = any(active.effect.late for active in prior.effects)
     records = find_recordings(logs, prior, signed=not late)
     tested = find_recordings(tests, prior, signed=not late) if tests else []
+    differs = disagreements(records, tested, prior)
     logs, tests = [record.log for record in records], [record.log for record in tested]
-    model = prior
+    tests, model = with_disagreements(tests, differs), prior
     for _ in range(RELINEARIZATIONS if prior.effects else 1):
         regression, velocity = _rows(logs, model, corner)
         start = _linear_values(prior, regression.names)
@@ -205,6 +210,7 @@ def identify(
         names=tuple(log.name for log in given),
         recording=tuple(one for record in (*records, *tested) for one in record.instruments),
         refinement=refinement,
+        differs=differs,
     )
 
 

@@ -22,6 +22,7 @@ from given_logs import (
 )
 
 from ident.diagnosis.verdict import Diagnosis, diagnose
+from ident.disagreement import with_disagreements
 from ident.recording_words import in_words
 from ident.report.diagnose import UNTRIED, diagnosis_page, untried_lines
 from ident.report.findings import accepted, finding_lines, findings_json
@@ -57,6 +58,7 @@ def main(
     start = used_model(start, records)
     with console.err.status("reading") as status:
         found = diagnose(records, start, held, seed, lambda what: status.update(what))
+    everything = (*records, *with_disagreements(tests, found.differs))
     show(found)
     console.section("Log doctor", finding_lines(everything))
     history = console.provenance(seed, digests(everything)) | accepted(everything)

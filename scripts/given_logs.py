@@ -14,7 +14,6 @@ import console
 import typer
 
 from ident.diagnosis.fitness import LEAST_SECONDS
-from ident.disagreement import with_disagreement
 from ident.doctor import LogError
 from ident.loaders import find_loader
 from ident.log import YOUBOT_TABLE, Log
@@ -123,10 +122,8 @@ class LogOptions:
         refuse_double([*found[0], *found[1]])
         refuse_two_robots([*found[0], *found[1]])
         named = told_once(with_own_names([*found[0], *found[1]]))
-        fitted, tests = (
-            long_together(part) for part in (named[: len(found[0])], named[len(found[0]) :])
-        )
-        return fitted, with_disagreement(fitted, tests, model) if tests else tests
+        parts = named[: len(found[0])], named[len(found[0]) :]
+        return long_together(parts[0]), long_together(parts[1])
 
     def given(self, model: Model) -> GivenPlatform | None:
         """The platform of an option or of a model that has its own; None where logs may say it."""

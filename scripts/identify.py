@@ -25,6 +25,7 @@ from given_logs import (
 )
 
 from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
+from ident.disagreement import with_disagreements
 from ident.identification import identify
 from ident.quantities import AT_BOUND, UNSEEN
 from ident.recording_words import in_words
@@ -111,6 +112,7 @@ def main(
         decomposed = None
         if by_motion:
             decomposed = identify_by_motion(cut_calibration(measured[0]), result.prior)
+        tests = with_disagreements(tests, result.differs)
         show(2)
         outcome = Outcome.of(result, before)
         show(3)

@@ -28,6 +28,7 @@ from controllers import make
 from controllers.evaluation.motions import Motion
 from controllers.evaluation.run import drive, make_env, measure
 from controllers.evaluation.subjects import Subject
+from ident.disagreement import with_disagreements
 from ident.improvement import Improvement, improve
 from ident.log import Log
 from ident.recording_words import in_words
@@ -104,6 +105,7 @@ def main(
     history = console.provenance(seed, digests(everything)) | accepted(everything)
     with console.err.status("reading") as status:
         done = improve(records, start, held, seed, status.update, out.stem)
+        everything = (*records, *with_disagreements(tests, done.found.differs))
         usable = bool(done.stages) and not done.problems
         tracking = None
         if usable and len(done.stages) > 1:

@@ -7,14 +7,18 @@ import numpy as np
 import pytest
 
 from ident.diagnosis.verdict import diagnose
-from ident.disagreement import with_disagreement
+from ident.disagreement import disagreements, may_judge, not_used, with_disagreements
 from ident.log import Log
+from ident.pooling import joined
+from ident.recording import find_recordings
 from youbot_env.model_file import load_model
 from youbot_env.references import SmoothRandom, calibration_sequence
 from youbot_env.simulation import Sensors, record_closed_loop
 
 PAPER = load_model("paper")
 DRY = {"wheel_coulomb_friction": 0.15}
+# Clocks that need not be found; the logs have them.
+KNOWN = {"drive_hold": {"kind": 0.0}, "drive_offset": {"d": 0.0}}
 
 
 def record(model, seed, motion=None, seconds=30.0):
@@ -30,8 +34,16 @@ def heavier(factor):
     return PAPER.with_values(values).with_effects(DRY)
 
 
-def told(fitted, log):
-    (judged,) = with_disagreement([fitted], [log], PAPER)
+def late(log, rows):
+    """The log with torques that come so many rows late, or early."""
+    moved = replace(log, wheel_torque=np.roll(log.wheel_torque, rows, axis=0))
+    return moved.part(0.2, log.time[-1] - 0.2)
+
+
+def told(fitted, log, known=KNOWN):
+    records = find_recordings([replace(fitted, recording=KNOWN)], PAPER)
+    tested = find_recordings([replace(log, recording=known)], PAPER)
+    (judged,) = with_disagreements([log], disagreements(records, tested, PAPER))
     return [str(finding) for finding in judged.findings if finding.name == "differs"]
 
 
@@ -78,10 +90,42 @@ def test_another_motion_of_the_same_robot_agrees(hidden, motion):
     assert told(fitted, record(robot, 2, motion)) == []
 
 
+@pytest.mark.parametrize("rows", [4, -4])
+def test_a_late_clock_is_no_load_and_hides_none(fitted, rows):
+    """Torques 40 ms late or early: what counts is the log once its clock is known."""
+    assert told(fitted, late(record(PAPER.with_effects(DRY), 2), rows), known={}) == []
+    (words,) = told(fitted, late(record(heavier(1 + 5 / 35.3), 2), rows), known={})
+    assert "a mass of +4." in words
+    assert "another payload" in words
+
+
+def test_of_many_short_logs_that_which_differs_is_told(fitted):
+    names = ("a", "b", "c")
+    robots = (PAPER.with_effects(DRY), heavier(1.2), PAPER.with_effects(DRY))
+    runs = [replace(record(r, k + 2, seconds=18.0), name=n, recording=KNOWN)
+            for k, (n, r) in enumerate(zip(names, robots, strict=True))]  # fmt: skip
+    records = find_recordings([replace(fitted, recording=KNOWN)], PAPER)
+
+    def found(*logs):
+        return disagreements(records, find_recordings([joined(logs)], PAPER), PAPER)
+
+    assert list(found(*runs)) == ["b"]
+    assert may_judge(joined(runs), found(*runs))
+    (log,) = with_disagreements([joined(runs)], found(*runs))
+    assert [finding.where for finding in log.findings] == ["b, against the fitted logs"]
+    heavy = [replace(runs[1], name="b"), replace(record(heavier(1.2), 9, seconds=18.0), name="d",
+                                                 recording=KNOWN)]  # fmt: skip
+    assert list(found(*heavy)) == ["b", "d"]
+    assert not may_judge(joined(heavy), found(*heavy))
+    assert "; b, d were not used to judge: the robot is not" in not_used(found(*heavy))
+
+
 def test_the_finding_stands_in_text_and_json(script, tmp_path, fitted):
-    paths = [fitted.save(tmp_path / "a.csv"), record(heavier(1.2), 2).save(tmp_path / "b.csv")]
+    same = late(record(PAPER.with_effects(DRY), 3), 4)
+    logs = {"a": fitted, "b": record(heavier(1.2), 2), "c": same}
+    paths = [log.save(tmp_path / f"{name}.csv") for name, log in logs.items()]
     status, out, _ = script(
-        "identify.py", paths[0], "--test", paths[1], "--json", "r.json", "--out", "m.yaml"
+        "identify.py", paths[0], "--test", *paths[1:], "--json", "r.json", "--out", "m.yaml"
     )
     assert status == 0
     assert "the robot is not the one of the fitted log" in " ".join(out.split())
@@ -94,3 +138,4 @@ def test_a_log_of_another_robot_does_not_judge(fitted):
     found = diagnose(fitted, "nominal", record(robot, 2))
     assert [name["effect"] for name in found.as_dict()["named"]] == list(DRY)
     assert "was not used to judge: the robot is not the one of the fitted log" in found.reason
+    assert list(found.differs) == ["log2"]

@@ -8,6 +8,8 @@ import numpy as np
 
 from ident.diagnosis.parts import FIT, choosing_until, divide
 from ident.diagnosis.rivals import Refits
+from ident.disagreement import disagreements
+from ident.doctor.finding import Finding
 from ident.drive_clock import lead
 from ident.instruments import HOLD, OFFSET, SHIFT, stated
 from ident.log import Log
@@ -32,6 +34,16 @@ def recordings(logs: list[Log], tests: list[Log], model: Model) -> list[Recordin
         for one, test in zip(found[len(logs) :], tests, strict=True)
     ]
     return [*found[: len(logs)], *last]
+
+
+def of_other_robots(logs: list[Log], tests: list[Log], model: Model) -> dict[str, Finding]:
+    """Logs to judge by that are not of the robot of the others, by name, with what differs.
+
+    Forces alone, by which logs without acceleration are judged, do not tell a load from a floor.
+    """
+    if not tests or any(log.window is not None for log in logs):
+        return {}
+    return disagreements(find_recordings(logs, model), find_recordings(tests, model), model)
 
 
 def ready(record: Recording, model: Model, interval: float) -> Log:

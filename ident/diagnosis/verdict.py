@@ -15,7 +15,14 @@ from ident.diagnosis.forces import ForceShare, confirmations
 from ident.diagnosis.judge import inertia_is_seen, judged_by_force
 from ident.diagnosis.parts import divide, weigh
 from ident.diagnosis.power import Reach, reach
-from ident.diagnosis.records import freed, ready, recordings, told, with_unknown_hold
+from ident.diagnosis.records import (
+    freed,
+    of_other_robots,
+    ready,
+    recordings,
+    told,
+    with_unknown_hold,
+)
 from ident.diagnosis.rivals import refit
 from ident.diagnosis.rounds import REMAINDER, UNEXPLAINED, Round
 from ident.diagnosis.search import Search, search
@@ -23,7 +30,8 @@ from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, chain_of, with_steps
 from ident.diagnosis.trials import behind_gap, untried
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
-from ident.disagreement import of_the_same_robot
+from ident.disagreement import may_judge, not_used
+from ident.doctor.finding import Finding
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
 from ident.observability import FAINT
@@ -63,6 +71,7 @@ class Diagnosis:
         forces: by effect, for every log the share of it that forces at the measured motion confirm,
             with its standard error, where they can.
         untried: effects that the logs cannot show, by name, with the reason and what to record.
+        differs: logs to judge by that are not of the robot of the fitted ones, by name.
     """
 
     log: str
@@ -82,6 +91,7 @@ class Diagnosis:
     recording: tuple[Instrument, ...] = ()
     forces: dict[str, list[ForceShare]] = field(default_factory=dict)
     untried: dict[str, str] = field(default_factory=dict)
+    differs: dict[str, Finding] = field(default_factory=dict)
 
     @property
     def named(self) -> tuple[Step, ...]:
@@ -160,13 +170,9 @@ def diagnose(
     if not inertia_is_seen(logs, model):
         logs, tests = ([judged_by_force(log) for log in some] for some in (logs, tests))
     tell("finding out how the logs were recorded")
-    records, apart = recordings(logs, tests, model), ""
-    if tests and all(log.window is None for log in logs):
-        seen = [ready(record, model, SEARCHED) for record in records]
-        kept, apart = of_the_same_robot(seen[: len(logs)], seen[len(logs) :], model)
-        names = {log.name for log in kept}
-        tests = [test for test in tests if test.name in names]
-        records = [*records[: len(logs)], *(r for r in records[len(logs) :] if r.log.name in names)]
+    differs = of_other_robots(logs, tests, model)
+    tests = [test for test in tests if may_judge(test, differs)]
+    records = recordings(logs, tests, model)
     found, refined = _searched(records, model, len(tests), seed, tell)
     if found.steps and found.first.wheels_agree and not all(one.known for one in records):
         # What was found may tell more of a clock than the usual nuisances did; where that changes
@@ -195,7 +201,7 @@ def diagnose(
     return Diagnosis(
         log=name,
         verdict=verdict,
-        reason=reason + apart,
+        reason=reason + not_used(differs),
         steps=tuple(steps),
         model=replace(without_instruments(last), name="diagnosed"),
         base=without_instruments(chain[0][1]),
@@ -210,6 +216,7 @@ def diagnose(
         chain=tuple((name, without_instruments(model)) for name, model in chain),
         models=tuple(fits.models(model) for _, model in chain),
         forces=forces,
+        differs=differs,
     )
 
 
