@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
+from ident.diagnosis.judge import inertia_is_seen
 from ident.disagreement import disagreements, with_disagreements
 from ident.doctor.finding import Finding
 from ident.estimators import CLUSTERS, Estimate, durbin_wu_hausman
@@ -27,6 +28,7 @@ from ident.recording_words import Instrument
 from ident.recursive import history
 from ident.regression import CORNER, Regression, build_regression
 from ident.seen import Seen
+from ident.unexplained import Unexplained, widening
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
@@ -60,6 +62,8 @@ class Identification:
         recording: how the rows of every log came to be.
         refinement: result of the free-run refinement, where it was asked for.
         differs: test logs that are not of the robot of the fitted ones, by name.
+        unexplained: what the model leaves of the fitted logs, by which its intervals are widened
+            where that is certain; None where the motion is steady and a free run tells nothing.
     """
 
     model: Model
@@ -85,6 +89,7 @@ class Identification:
     recording: tuple[Instrument, ...]
     refinement: OutputError | None
     differs: dict[str, Finding]
+    unexplained: Unexplained | None
 
     @property
     def test(self) -> Log | None:
@@ -100,6 +105,7 @@ class Identification:
             "free_run": _run_dict(self.fit_run),
             "test_free_run": _run_dict(self.test_run) if self.test_run else None,
             "hausman_p": self.hausman,
+            "widened": self.unexplained is not None and self.unexplained.certain,
         }
         return {
             "logs": list(self.names),
@@ -186,6 +192,10 @@ def identify(
         model, chosen = replace(without_instruments(refinement.model), name=name), "free run"
         factor = float(stdtrit(max(refinement.windows - 1, 1), 0.975))
         regression, velocity = _rows(logs, model, corner)
+    fit_run = free_run(logs, model)
+    unexplained = Unexplained.of(logs, model, fit_run) if inertia_is_seen(logs, prior) else None
+    if unexplained is not None and unexplained.certain:
+        model = _widened(model, widening(seen, regression, logs, model, unexplained.share), seen)
     parameters, lumped, extra = quantities(model, seen, factor, chosen)
     return Identification(
         model=annotated(model, parameters, chosen, given),
@@ -203,7 +213,7 @@ def identify(
         velocity=velocity,
         track=_track(regression, seen),
         residual_nrmse=equation_error(regression, model),
-        fit_run=free_run(logs, model),
+        fit_run=fit_run,
         test_run=free_run(tests, model) if tests else None,
         logs=tuple(logs),
         tests=tuple(tests),
@@ -211,6 +221,7 @@ def identify(
         recording=tuple(one for record in (*records, *tested) for one in record.instruments),
         refinement=refinement,
         differs=differs,
+        unexplained=unexplained,
     )
 
 
@@ -237,6 +248,14 @@ def with_estimate(model: Model, estimate: Estimate, name: str) -> Model:
     values[at] = estimate.values
     covariance[np.ix_(at, at)] = estimate.covariance
     return replace(model.with_values(values, name), covariance=covariance.tolist())
+
+
+def _widened(model: Model, more: np.ndarray, seen: Seen) -> Model:
+    """The model with more covariance (P, P) of the values of ``seen.names``."""
+    at = [model.names().index(name) for name in seen.names]
+    covariance = np.array(model.covariance)
+    covariance[np.ix_(at, at)] += more
+    return replace(model, covariance=covariance.tolist())
 
 
 def _choose(method: str, logs: list[Log]) -> bool:
