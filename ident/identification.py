@@ -188,7 +188,7 @@ def identify(
     curved = any(not a.effect.parameter_of(n).linear for a in prior.effects for n in a.values)
     if method == "free-run" or (method == "auto" and curved):
         free, start, ends = with_free_clocks(records, model)
-        refinement = refine(free, start, ends=ends)
+        refinement = refine(free, start, ends=ends, prior=prior)
         model, chosen = replace(without_instruments(refinement.model), name=name), "free run"
         factor = float(stdtrit(max(refinement.windows - 1, 1), 0.975))
         regression, velocity = _rows(logs, model, corner)

@@ -59,7 +59,9 @@ def ready(record: Recording, model: Model, interval: float) -> Log:
     return replace(log, recording=undone | {HOLD: {"kind": float(HOLDS.index(HELD))}})
 
 
-def freed(fits: Refits, records: list[Recording], base: Model, tested: int) -> tuple[Refits, Model]:
+def freed(
+    fits: Refits, records: list[Recording], base: Model, tested: int, prior: Model
+) -> tuple[Refits, Model]:
     """Fits to all rows, in which the clocks of the fitted logs move with the robot.
 
     Args:
@@ -67,6 +69,7 @@ def freed(fits: Refits, records: list[Recording], base: Model, tested: int) -> t
         records: the logs.
         base: the model that the search began with.
         tested: how many logs, the last ones, are for choosing.
+        prior: what was known before any log.
 
     Returns:
         The fits, and the base for them.
@@ -79,7 +82,7 @@ def freed(fits: Refits, records: list[Recording], base: Model, tested: int) -> t
         fitted = part.windows(FIT).any()
         log = part.log if fitted else record.log
         chosen.append(replace(part, log=log, weights=coarse.weights, ends=end if fitted else {}))
-    return Refits(chosen), model
+    return Refits(chosen, prior), model
 
 
 def told(records: list[Recording], fits: Refits, model: Model) -> tuple[Instrument, ...]:

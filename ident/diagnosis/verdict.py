@@ -185,7 +185,7 @@ def diagnose(
     first, now, outside = found.first, found.last, found.outside
     tell("measuring errors on untouched windows")
     steps = confirmed(found.fits, refined, found.steps, first.simulations[-1])
-    fits, start = freed(found.fits, records, refined.model, len(tests))
+    fits, start = freed(found.fits, records, refined.model, len(tests), model)
     chain = chain_of(fits, start, steps)
     last = chain[-1][1]
     simulation = fits.of(last)[1][-1]
