@@ -42,10 +42,9 @@ class Pull:
         """What a model says of the seven parameters of the robot, beside a fit.
 
         Errors feign what their independent part does by chance, and a share of what is no noise.
-        None without a model, and where the drive is a voltage: then the parameters have another
-        unit, of which nothing is known.
+        None without a model.
         """
-        if prior is None or any(sim.log.drive == "voltage" for sim in fit.simulations):
+        if prior is None:
             return None
         names = tuple(Theta._fields)
         centre, spread = fit.values.copy(), np.full(len(fit.values), np.inf)

@@ -119,6 +119,8 @@ def main(
         history = console.provenance(logs=digests(measured))
         history = {key: value for key, value in history.items() if key != "seed"}
         history |= {"method": result.method, "start": before.name}
+        if result.choice is not None:
+            history["method_chosen"] = str(result.choice)
         if tests:
             history["test_log"] = digests(tests)
         history |= accepted([*measured, *tests])
@@ -179,6 +181,8 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     rows = [(*row[:5], ORIGIN.get(row[5], "fit"), row[6]) for row in parameter_rows(outcome)]
     console.out.print()
     console.table(f"Parameters, by {result.method}", (*heads, "source", "doubt"), rows)
+    if result.choice is not None:
+        console.section("Method", [f"chosen: {result.choice}"])
     if result.effects:
         console.out.print()
         console.table("Effects", heads, [row[:5] for row in effect_rows(outcome)])

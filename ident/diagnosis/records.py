@@ -69,7 +69,8 @@ def freed(
         records: the logs.
         base: the model that the search began with.
         tested: how many logs, the last ones, are for choosing.
-        prior: what was known before any log.
+        prior: what was known before any log; where the drive is a voltage that is nothing, as
+            parameters have another unit then.
 
     Returns:
         The fits, and the base for them.
@@ -82,7 +83,8 @@ def freed(
         fitted = part.windows(FIT).any()
         log = part.log if fitted else record.log
         chosen.append(replace(part, log=log, weights=coarse.weights, ends=end if fitted else {}))
-    return Refits(chosen, prior), model
+    known = all(record.log.drive == "torque" for record in records)
+    return Refits(chosen, prior if known else None), model
 
 
 def told(records: list[Recording], fits: Refits, model: Model) -> tuple[Instrument, ...]:
