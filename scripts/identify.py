@@ -191,8 +191,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     console.table("Known better than the single inertias", heads, lump_rows(outcome))
     console.out.print()
     head, rows = agreement(outcome)
-    short = [(row[0].rpartition(".")[2], *row[1:]) for row in rows]
-    console.table("Estimators", head, short)
+    console.table("Estimators", head, rows)
     console.out.print(agreement_note(result), soft_wrap=True)
     console.out.print()
     head = ("axis", "unit", "rms", f"error, {outcome.label}", "error, identified")
