@@ -17,7 +17,6 @@ from scipy.special import stdtrit
 
 from ident.doctor.finding import Finding
 from ident.log import Log
-from ident.recording import Recording
 from ident.regression import Regression, build_regression
 from youbot_env.model import Model
 from youbot_env.parameters import UNITS
@@ -43,22 +42,20 @@ LEAST = 0.1
 STRETCH, FEWEST = 2.0, 6
 
 
-def disagreements(
-    records: Sequence[Recording], tested: Sequence[Recording], model: Model
-) -> dict[str, Finding]:
+def disagreements(logs: Sequence[Log], tests: Sequence[Log], model: Model) -> dict[str, Finding]:
     """Logs to judge by that disagree with the fitted ones, by name, with what differs.
 
     What a right model leaves on a log of another load, floor or battery is the difference, which no
     effect should stand for and no effect be refused for.
 
     Args:
-        records: logs that are fitted, with their recording: a clock that is late is no load.
-        tested: logs to judge by, of the same platform; their recording was found without the fitted
-            ones, or a load would be put down to a clock.  Where short ones were joined, all of them
-            are named if together they disagree, else those that do by themselves.
+        logs: records that are fitted; they state what was found of their recording, as a clock that
+            is late is no load.
+        tests: records to judge by, of the same platform, likewise; their recording was found
+            without the fitted ones, or a load would be put down to a clock.  Where short ones were
+            joined, all of them are named if together they disagree, else those that do alone.
         model: any model of the platform.
     """
-    logs, tests = ([record.log for record in some] for some in (records, tested))
     if any(log.wheel_torque is None and log.wheel_voltage is None for log in (*logs, *tests)):
         return {}
     start = replace(model, platform=logs[0].platform, effects=())

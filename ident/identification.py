@@ -168,8 +168,8 @@ def identify(
     late = any(active.effect.late for active in prior.effects)
     records = find_recordings(logs, prior, signed=not late)
     tested = find_recordings(tests, prior, signed=not late) if tests else []
-    differs = disagreements(records, tested, prior)
     logs, tests = [record.log for record in records], [record.log for record in tested]
+    differs = disagreements(logs, tests, prior)
     tests, model = with_disagreements(tests, differs), prior
     linear = _linear(records, prior, name, corner, clusters, instruments, method == "iv")
     model, seen, regression = linear.model, linear.seen, linear.regression

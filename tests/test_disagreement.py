@@ -41,9 +41,9 @@ def late(log, rows):
 
 
 def told(fitted, log, known=KNOWN):
-    records = find_recordings([replace(fitted, recording=KNOWN)], PAPER)
-    tested = find_recordings([replace(log, recording=known)], PAPER)
-    (judged,) = with_disagreements([log], disagreements(records, tested, PAPER))
+    (record,) = find_recordings([replace(log, recording=known)], PAPER)
+    found = disagreements([replace(fitted, recording=KNOWN)], [record.log], PAPER)
+    (judged,) = with_disagreements([log], found)
     return [str(finding) for finding in judged.findings if finding.name == "differs"]
 
 
@@ -104,10 +104,9 @@ def test_of_many_short_logs_that_which_differs_is_told(fitted):
     robots = (PAPER.with_effects(DRY), heavier(1.2), PAPER.with_effects(DRY))
     runs = [replace(record(r, k + 2, seconds=18.0), name=n, recording=KNOWN)
             for k, (n, r) in enumerate(zip(names, robots, strict=True))]  # fmt: skip
-    records = find_recordings([replace(fitted, recording=KNOWN)], PAPER)
 
     def found(*logs):
-        return disagreements(records, find_recordings([joined(logs)], PAPER), PAPER)
+        return disagreements([replace(fitted, recording=KNOWN)], [joined(logs)], PAPER)
 
     assert list(found(*runs)) == ["b"]
     assert may_judge(joined(runs), found(*runs))
@@ -131,6 +130,22 @@ def test_the_finding_stands_in_text_and_json(script, tmp_path, fitted):
     assert "the robot is not the one of the fitted log" in " ".join(out.split())
     found = json.loads((tmp_path / "r.json").read_text())["findings"]
     assert [(f["log"], f["name"]) for f in found] == [("b", "differs")]
+
+
+def test_compare_judges_by_the_logs_that_are_kept_out(script, tmp_path, fitted):
+    paths = [fitted.save(tmp_path / "a.csv"), record(heavier(1.2), 2).save(tmp_path / "b.csv")]
+    words = ("--model", "paper", "nominal", "--json", "r.json")
+    status, out, errors = script("compare.py", paths[0], "--test", paths[1], *words)
+    assert status == 0, errors
+    text, found = " ".join(out.split()), json.loads((tmp_path / "r.json").read_text())
+    assert "predicts b best" in text
+    assert "the robot is not the one of the fitted log" in text
+    assert found["log"] == "b"
+    assert [(f["log"], f["name"]) for f in found["findings"]] == [("b", "differs")]
+    assert found["fitted"]["log"] == "a"
+    errors = {m["model"]: m["free_run"]["nrmse"] for m in found["models"]}
+    assert 0 < found["fitted"]["nrmse"]["paper"] < errors["paper"]
+    assert len(found["provenance"]["logs"]) == 2
 
 
 def test_a_log_of_another_robot_does_not_judge(fitted):

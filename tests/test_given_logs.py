@@ -52,6 +52,12 @@ def test_every_command_has_the_same_options(given, name):
     assert set(inspect.signature(__import__(name).main).parameters) >= OPTIONS
 
 
+@pytest.mark.parametrize("name", READERS[:-1])
+def test_every_command_that_judges_takes_logs_to_judge_by(given, name):
+    parameters = inspect.signature(__import__(name).main).parameters
+    assert {"logs", "test"} <= set(parameters)
+
+
 def test_patterns_folders_and_files(given, tmp_path):
     good = make(300)
     for name in ("b", "a"):

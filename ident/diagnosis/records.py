@@ -43,7 +43,8 @@ def of_other_robots(logs: list[Log], tests: list[Log], model: Model) -> dict[str
     """
     if not tests or any(log.window is not None for log in logs):
         return {}
-    return disagreements(find_recordings(logs, model), find_recordings(tests, model), model)
+    known = ([record.log for record in find_recordings(some, model)] for some in (logs, tests))
+    return disagreements(*known, model)
 
 
 def ready(record: Recording, model: Model, interval: float) -> Log:
