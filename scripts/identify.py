@@ -27,6 +27,7 @@ from given_logs import (
 from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
 from ident.disagreement import with_disagreements
 from ident.identification import identify
+from ident.log import Log
 from ident.quantities import AT_BOUND, UNSEEN
 from ident.recording_words import in_words
 from ident.report.findings import accepted, finding_lines, findings_json
@@ -124,7 +125,10 @@ def main(
         if tests:
             history["test_log"] = digests(tests)
         history |= accepted([*measured, *tests])
-        page = None if report is None else identification_page(outcome, console.in_words(history))
+        page = None
+        if report is not None:
+            told = console.in_words(history)
+            page = identification_page(outcome, told, [*measured, *tests])
         show(4)
     usable = not outcome.problems
     if usable:
@@ -138,7 +142,7 @@ def main(
         content["by_motion"] = asdict(decomposed)
     console.write_json(json_file, content | {"provenance": history})
     address = None if page is None else page.write(report)
-    tell(outcome, out if usable else None, address)
+    tell(outcome, [*measured, *tests], out if usable else None, address)
     if decomposed is not None:
         tell_by_motion(decomposed)
     if not usable:
@@ -162,6 +166,15 @@ def tell_by_motion(found: MotionIdentification) -> None:
     console.table("Motion by motion, value +- standard error, kg m^2 and N m s", head, rows)
 
 
+def origin(row: tuple[str, ...]) -> str:
+    """Where the value in a row of ``parameter_rows`` comes from.
+
+    One that moved and has no interval is known in a combination with others alone.
+    """
+    moved = row[5] == UNSEEN and row[1] != row[2]
+    return "in part" if moved else ORIGIN.get(row[5], "fit")
+
+
 def write_posterior(model: Model, count: int, seed: int, path: Path) -> None:
     """Write robots drawn from the identified covariance, one a row, as environments draw them."""
     rng = np.random.default_rng(seed)
@@ -172,13 +185,13 @@ def write_posterior(model: Model, count: int, seed: int, path: Path) -> None:
     console.out.print(f"posterior: {console.shown(path)}, {count} robots")
 
 
-def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
+def tell(outcome: Outcome, logs: list[Log], model: Path | None, page: Path | None) -> None:
     """Say what was found: the verdict, then what it rests on."""
     result = outcome.result
     console.out.print(outcome.verdict, style="bold", soft_wrap=True)
     console.section("How the logs were recorded", in_words(result.recording))
     heads = ("", outcome.label, "identified", "95 % interval", "unit")
-    rows = [(*row[:5], ORIGIN.get(row[5], "fit"), row[6]) for row in parameter_rows(outcome)]
+    rows = [(*row[:5], origin(row), row[6]) for row in parameter_rows(outcome)]
     console.out.print()
     console.table(f"Parameters, by {result.method}", (*heads, "source", "doubt"), rows)
     if result.choice is not None:
@@ -203,7 +216,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     console.out.print(words)
     console.section("Undetermined by these logs", seen.words)
     console.section("Invisible to logs of this kind", result.invisible)
-    console.section("Log doctor", finding_lines([*result.logs, *result.tests]))
+    console.section("Log doctor", finding_lines(logs))
     if not outcome.untouched:
         console.section("Advice", ["give a log that is not fitted with --test to judge by"])
     console.out.print()
