@@ -66,7 +66,10 @@ def main(
     test: Tests = None,
     method: Annotated[
         str,
-        typer.Option(help="auto, ls (least squares), iv (instruments) or free-run."),
+        typer.Option(
+            help="auto (of voltages what predicts data kept out best), ls (least squares), iv "
+            "(instruments) or free-run."
+        ),
     ] = "auto",
     out: Annotated[Path, typer.Option(metavar="FILE", help="The identified model, YAML.")] = Path(
         "models/identified.yaml"
