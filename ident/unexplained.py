@@ -27,8 +27,10 @@ from youbot_env.model import Model
 # of which nothing is missing stays below 1.
 UNEXPLAINED = 3.0
 # Forces that robots usually have, which tell how far one that is missing moves values.
-# Of 128 lumps of simulated robots that lack one of 20 effects, intervals from scatter alone held
-# the truth of 62 %; with these shifts and ``ALIGNED`` of what they leave, of 91 %.
+# The rule was chosen on 32 logs and then measured on 59 others, of robots that lack one of 17
+# effects, seen for certain: of 236 lumps intervals from scatter alone held the truth of 60 %, with
+# these shifts and ``ALIGNED`` of what they leave of 90 %; half widths grew from 7 to 19 % of the
+# value.  Of robots whose friction changes with load or time, or whose battery sags, 11 of 28 held.
 NUISANCES = (
     "wheel_coulomb_friction",
     "roller_coulomb_friction",
