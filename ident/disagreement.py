@@ -9,7 +9,7 @@ an error, but of a shape that no such change has.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,6 @@ from scipy.special import stdtrit
 
 from ident.doctor.finding import Finding
 from ident.log import Log
-from ident.pooling import pooled
 from ident.regression import Regression, build_regression
 from youbot_env.model import Model
 from youbot_env.parameters import UNITS
@@ -43,59 +42,92 @@ LEAST = 0.1
 STRETCH, FEWEST = 2.0, 6
 
 
-def with_disagreement(logs: Sequence[Log], tests: Sequence[Log], model: Model) -> list[Log]:
-    """Logs to judge by, each with a finding where it disagrees with the fitted logs.
-
-    Args:
-        logs: records that are fitted.
-        tests: records to judge by, of the same platform.
-        model: any model of the platform; effects of the robot in it act in both.
-    """
-    if any(log.wheel_torque is None and log.wheel_voltage is None for log in (*logs, *tests)):
-        return list(tests)
-    robots = {a.identifier: a.values for a in model.effects if a.effect.scope() == "robot"}
-    start = replace(model, platform=logs[0].platform, effects=(), covariance=None)
-    start = start.with_effects(dict.fromkeys(FRICTION) | robots)
-    try:
-        fitted = Regression.join([build_regression(log, start) for log in pooled(logs)])
-    except ValueError:
-        return list(tests)
-    known = _solved(fitted)
-    return [_told(log, fitted, known, start) for log in tests]
-
-
-def of_the_same_robot(
-    logs: Sequence[Log], tests: Sequence[Log], model: Model
-) -> tuple[list[Log], str]:
-    """Logs that may judge, and of the others, in words, why they may not.
+def disagreements(logs: Sequence[Log], tests: Sequence[Log], model: Model) -> dict[str, Finding]:
+    """Logs to judge by that disagree with the fitted ones, by name, with what differs.
 
     What a right model leaves on a log of another load, floor or battery is the difference, which no
     effect should stand for and no effect be refused for.
 
     Args:
-        logs: records that are fitted, their instruments undone: a clock that is late is no load.
-        tests: records to judge by, likewise.
-        model: any model of the platform.
+        logs: records that are fitted; they state what was found of their recording, as a clock that
+            is late is no load.
+        tests: records to judge by, of the same platform, likewise; their recording was found
+            without the fitted ones, or a load would be put down to a clock.  Where short ones were
+            joined, all of them are named if together they disagree, else those that do alone.
+        model: any model of the platform; effects of the robot in it act in all logs.
     """
-    tests = [replace(t, findings=tuple(f for f in t.findings if f.name != NAME)) for t in tests]
-    tests = with_disagreement(logs, tests, model)
-    apart = {log.name: f.what for log in tests for f in log.findings if f.name == NAME}
-    said = "".join(f"; {name} was not used to judge: {what}" for name, what in apart.items())
-    return [log for log in tests if log.name not in apart], said
-
-
-def _told(log: Log, fitted: Regression, known: np.ndarray, model: Model) -> Log:
-    """The log with a finding, if one number of the robot differs from the fitted one."""
+    if any(log.wheel_torque is None and log.wheel_voltage is None for log in (*logs, *tests)):
+        return {}
+    robots = {a.identifier: a.values for a in model.effects if a.effect.scope() == "robot"}
+    start = replace(model, platform=logs[0].platform, effects=(), covariance=None)
+    start = start.with_effects(dict.fromkeys(FRICTION) | robots)
     try:
-        mine = build_regression(log, model)
+        fitted = Regression.join([build_regression(log, start) for log in logs])
     except ValueError:
-        return log
+        return {}
+    known, found = _solved(fitted), {}
+    for log in tests:
+        try:
+            mine = build_regression(log, start)
+        except ValueError:
+            continue
+        names = [log.run_name(k) for k in range(max(1, len(log.runs)))]
+        whole = _difference(log, mine, known)
+        if whole is not None:
+            found |= dict.fromkeys(names, whole)
+        elif len(names) > 1:
+            run = log.run_of(mine.time)
+            alone = (_difference(log, _rows(mine, run == k), known) for k in range(len(names)))
+            found |= {name: one for name, one in zip(names, alone, strict=True) if one is not None}
+    return found
+
+
+def with_disagreements(tests: Sequence[Log], found: Mapping[str, Finding]) -> list[Log]:
+    """Logs with what ``disagreements`` found of them; a joined one with that of its runs."""
+    told = []
+    for log in tests:
+        names = [log.run_name(k) for k in range(max(1, len(log.runs)))]
+        there = [name for name in names if name in found]
+        alike = len(there) == len(names) and len({found[name] for name in there}) == 1
+        named = [found[names[0]]] if alike else [
+            replace(found[name], where=f"{name}, {found[name].where}") for name in there
+        ]  # fmt: skip
+        told.append(replace(log, findings=(*log.findings, *named)) if named else log)
+    return told
+
+
+def may_judge(log: Log, found: Mapping[str, Finding]) -> bool:
+    """Whether a log, or a run of it, agrees with the fitted ones."""
+    return not all(log.run_name(k) in found for k in range(max(1, len(log.runs))))
+
+
+def not_used(found: Mapping[str, Finding]) -> str:
+    """Why logs did not judge, in words to put behind a sentence; empty where all did."""
+    names: dict[str, list[str]] = {}
+    for name, finding in found.items():
+        names.setdefault(finding.what, []).append(name)
+    return "".join(
+        f"; {', '.join(who)} {'was' if len(who) == 1 else 'were'} not used to judge: {what}"
+        for what, who in names.items()
+    )
+
+
+def _rows(regression: Regression, rows: np.ndarray) -> Regression:
+    """Some rows (N,) of a regression."""
+    kept = {name: getattr(regression, name)[rows] for name in ("H", "y", "time", "piece")}
+    return replace(regression, **kept)
+
+
+def _difference(log: Log, mine: Regression, known: np.ndarray) -> Finding | None:
+    """What of the robot differs in these rows of a log from the fitted values (P,), if one does."""
+    if not len(mine.time):
+        return None
     left = mine.residual(known)
     group = np.unique((mine.time - mine.time[0]) // STRETCH, return_inverse=True)[1]
     count = int(group[-1]) + 1
     whole, own = float(np.sum(left**2)), float(np.sum(mine.residual(_solved(mine)) ** 2))
     if count < FEWEST or own > BETTER * whole:
-        return log
+        return None
     found = []
     for kind, name, cause in KINDS:
         # A drive that pulls otherwise changes all that it is the sum of by one share.
@@ -114,10 +146,10 @@ def _told(log: Log, fitted: Regression, known: np.ndarray, model: Model) -> Log:
         if gain > MOST and abs(change) > max(half, LEAST * abs(value)):
             found.append((gain, kind, name, cause, value, change, half))
     if not found:
-        return log
+        return None
     found.sort(reverse=True)
     alike = [_words(one, log) for one in found if one[0] > found[0][0] - ALIKE]
-    finding = Finding(
+    return Finding(
         "warning",
         f"the robot is not the one of the fitted log: {'; or '.join(alike)} would explain "
         f"{100 * found[0][0]:.0f} % of what the fitted values miss here and a fit to this log does "
@@ -126,7 +158,6 @@ def _told(log: Log, fitted: Regression, known: np.ndarray, model: Model) -> Log:
         "judge by a log of the same load, floor and battery, or fit each log by itself",
         NAME,
     )
-    return replace(log, findings=(*log.findings, finding))
 
 
 def _words(one: tuple, log: Log) -> str:

@@ -9,22 +9,27 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
+from ident.diagnosis.judge import inertia_is_seen
+from ident.disagreement import disagreements, with_disagreements
+from ident.doctor.finding import Finding
 from ident.estimators import CLUSTERS, Estimate, durbin_wu_hausman
 from ident.free_run import FreeRun, free_run
 from ident.instruments import without_instruments
 from ident.linear_estimation import LinearEstimation
 from ident.log import Log
+from ident.method_choice import MethodChoice, choose_method
 from ident.observability import Observability, observe_regression
 from ident.output_error import OutputError, refine
 from ident.physical import doubts, invisible
 from ident.pooling import as_list, pooled
 from ident.prior import kept_possible
 from ident.quantities import Quantity, annotated, quantities
-from ident.recording import find_recordings, with_free_clocks
+from ident.recording import Recording, find_recordings, with_free_clocks
 from ident.recording_words import Instrument
 from ident.recursive import history
 from ident.regression import CORNER, Regression, build_regression
 from ident.seen import Seen
+from ident.unexplained import Unexplained, widening
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
@@ -32,6 +37,7 @@ from youbot_env.model_file import load_model
 # enough that the guess is forgotten within the first seconds.
 GUESS = 1e4
 RELINEARIZATIONS = 3
+FREE_RUN = "free run"
 
 
 @dataclass(frozen=True)
@@ -57,6 +63,10 @@ class Identification:
         names: of all fit logs.
         recording: how the rows of every log came to be.
         refinement: result of the free-run refinement, where it was asked for.
+        differs: test logs that are not of the robot of the fitted ones, by name.
+        unexplained: what the model leaves of the fitted logs, by which its intervals are widened
+            where that is certain; None where the motion is steady and a free run tells nothing.
+        choice: how well methods predict what is kept out, where that chose; else None.
     """
 
     model: Model
@@ -81,6 +91,9 @@ class Identification:
     names: tuple[str, ...]
     recording: tuple[Instrument, ...]
     refinement: OutputError | None
+    differs: dict[str, Finding]
+    unexplained: Unexplained | None
+    choice: MethodChoice | None = None
 
     @property
     def test(self) -> Log | None:
@@ -96,6 +109,8 @@ class Identification:
             "free_run": _run_dict(self.fit_run),
             "test_free_run": _run_dict(self.test_run) if self.test_run else None,
             "hausman_p": self.hausman,
+            "kept_out": None if self.choice is None else self.choice.errors,
+            "widened": self.unexplained is not None and self.unexplained.certain,
         }
         return {
             "logs": list(self.names),
@@ -132,7 +147,8 @@ def identify(
         add: effects to estimate beyond those of the model.
         test: records that are only used to report the free-run error.
         method: ``auto`` (instrumental variables where every log has a reference, else least
-            squares), ``ls``, ``iv``, or ``free-run`` (output error, started from ``auto``).
+            squares; of voltages that or free run, whichever predicts better what is kept out),
+            ``ls``, ``iv``, or ``free-run`` (output error, started from ``auto``).
         corner: corner of the filters, rad/s.
         clusters: stretches of time for the covariance.
         name: name of the identified model.
@@ -153,7 +169,86 @@ def identify(
     records = find_recordings(logs, prior, signed=not late)
     tested = find_recordings(tests, prior, signed=not late) if tests else []
     logs, tests = [record.log for record in records], [record.log for record in tested]
-    model = prior
+    differs = disagreements(logs, tests, prior)
+    tests, model = with_disagreements(tests, differs), prior
+    linear = _linear(records, prior, name, corner, clusters, instruments, method == "iv")
+    model, seen, regression = linear.model, linear.seen, linear.regression
+    chosen, velocity = linear.method, linear.velocity
+    refinement, factor = None, linear.estimates[chosen].quantile
+    curved = any(not a.effect.parameter_of(n).linear for a in prior.effects for n in a.values)
+    choice = None
+    if method == "auto" and not curved and any(log.drive == "voltage" for log in logs):
+        choice = _choice(records, prior, chosen, corner, clusters, instruments)
+    free = curved if choice is None else choice.best == FREE_RUN
+    if method == "free-run" or (method == "auto" and free):
+        refinement = _refined(records, model)
+        model, chosen = replace(without_instruments(refinement.model), name=name), FREE_RUN
+        factor = float(stdtrit(max(refinement.windows - 1, 1), 0.975))
+        regression, velocity = _rows(logs, model, corner)
+    fit_run = free_run(logs, model)
+    unexplained = Unexplained.of(logs, model, fit_run) if inertia_is_seen(logs, prior) else None
+    if unexplained is not None and unexplained.certain:
+        model = _widened(model, widening(seen, regression, logs, model, unexplained.share), seen)
+    parameters, lumped, extra = quantities(model, seen, factor, chosen)
+    return Identification(
+        model=annotated(model, parameters, chosen, given),
+        prior=prior,
+        estimates=linear.estimates,
+        method=chosen,
+        parameters=parameters,
+        lumps=lumped,
+        effects=extra,
+        observability=linear.observability,
+        hausman=linear.hausman,
+        doubts=[*linear.bounded, *doubts(model, parameters)],
+        invisible=invisible(logs),
+        regression=regression,
+        velocity=velocity,
+        track=_track(regression, seen),
+        residual_nrmse=equation_error(regression, model),
+        fit_run=fit_run,
+        test_run=free_run(tests, model) if tests else None,
+        logs=tuple(logs),
+        tests=tuple(tests),
+        names=tuple(log.name for log in given),
+        recording=tuple(one for record in (*records, *tested) for one in record.instruments),
+        refinement=refinement,
+        differs=differs,
+        unexplained=unexplained,
+        choice=choice,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """What the regression of some logs says; see ``Identification``."""
+
+    model: Model
+    estimates: dict[str, Estimate]
+    method: str
+    seen: Seen
+    bounded: list[str]
+    observability: Observability
+    regression: Regression
+    velocity: np.ndarray
+    hausman: float | None
+
+
+def _linear(
+    records: Sequence[Recording],
+    prior: Model,
+    name: str,
+    corner: float,
+    clusters: int,
+    instruments: bool,
+    robust: bool = False,
+) -> _Linear:
+    """Estimate by regression; ``robust`` where only instruments will do.
+
+    Raises:
+        ValueError: the logs show nothing, or instruments are wanted and leave something unmoved.
+    """
+    logs, model = [record.log for record in records], prior
     for _ in range(RELINEARIZATIONS if prior.effects else 1):
         regression, velocity = _rows(logs, model, corner)
         start = _linear_values(prior, regression.names)
@@ -165,7 +260,7 @@ def identify(
             Seen.of(observability, regression, start, model), regression, prior
         )
         found = LinearEstimation(seen, model, corner, clusters, instruments).of(records, regression)
-        if method == "iv" and len(found) < 2:
+        if robust and len(found) < 2:
             raise ValueError(
                 "the reference columns do not hold the motion that was driven and cannot "
                 "serve as instruments; use ls"
@@ -173,39 +268,36 @@ def identify(
         estimates = {method: seen.restore(estimate) for method, estimate in found.items()}
         chosen = list(estimates)[-1]
         model = with_estimate(prior, estimates[chosen], name)
-    refinement, factor = None, estimates[chosen].quantile
-    curved = any(not a.effect.parameter_of(n).linear for a in prior.effects for n in a.values)
-    if method == "free-run" or (method == "auto" and curved):
-        free, start, ends = with_free_clocks(records, model)
-        refinement = refine(free, start, ends=ends)
-        model, chosen = replace(without_instruments(refinement.model), name=name), "free run"
-        factor = float(stdtrit(max(refinement.windows - 1, 1), 0.975))
-        regression, velocity = _rows(logs, model, corner)
-    parameters, lumped, extra = quantities(model, seen, factor, chosen)
-    return Identification(
-        model=annotated(model, parameters, chosen, given),
-        prior=prior,
-        estimates=estimates,
-        method=chosen,
-        parameters=parameters,
-        lumps=lumped,
-        effects=extra,
-        observability=observability,
-        hausman=durbin_wu_hausman(*found.values()) if len(found) == 2 else None,
-        doubts=[*bounded, *doubts(model, parameters)],
-        invisible=invisible(logs),
-        regression=regression,
-        velocity=velocity,
-        track=_track(regression, seen),
-        residual_nrmse=equation_error(regression, model),
-        fit_run=free_run(logs, model),
-        test_run=free_run(tests, model) if tests else None,
-        logs=tuple(logs),
-        tests=tuple(tests),
-        names=tuple(log.name for log in given),
-        recording=tuple(one for record in (*records, *tested) for one in record.instruments),
-        refinement=refinement,
-    )
+    hausman = durbin_wu_hausman(*found.values()) if len(found) == 2 else None
+    return _Linear(model, estimates, chosen, seen, bounded, observability, regression, velocity,
+                   hausman)  # fmt: skip
+
+
+def _refined(records: Sequence[Recording], model: Model, intervals: bool = True) -> OutputError:
+    """Refine by free run from a linear estimate, which is what is known where logs say less."""
+    free, start, ends = with_free_clocks(records, model)
+    return refine(free, start, ends=ends, prior=model, intervals=intervals)
+
+
+def _choice(
+    records: Sequence[Recording],
+    prior: Model,
+    linear: str,
+    corner: float,
+    clusters: int,
+    instruments: bool,
+) -> MethodChoice | None:
+    """Which of regression and free run predicts better; None where a free run tells nothing."""
+    if not inertia_is_seen([record.log for record in records], prior):
+        return None
+
+    def by_regression(train: list[Recording]) -> Model:
+        return _linear(train, prior, prior.name, corner, clusters, instruments).model
+
+    def by_free_run(train: list[Recording]) -> Model:
+        return without_instruments(_refined(train, by_regression(train), False).model)
+
+    return choose_method(records, {linear: by_regression, FREE_RUN: by_free_run})
 
 
 def _with_added(model: Model, effects: dict[str, Any]) -> Model:
@@ -231,6 +323,14 @@ def with_estimate(model: Model, estimate: Estimate, name: str) -> Model:
     values[at] = estimate.values
     covariance[np.ix_(at, at)] = estimate.covariance
     return replace(model.with_values(values, name), covariance=covariance.tolist())
+
+
+def _widened(model: Model, more: np.ndarray, seen: Seen) -> Model:
+    """The model with more covariance (P, P) of the values of ``seen.names``."""
+    at = [model.names().index(name) for name in seen.names]
+    covariance = np.array(model.covariance)
+    covariance[np.ix_(at, at)] += more
+    return replace(model, covariance=covariance.tolist())
 
 
 def _choose(method: str, logs: list[Log]) -> bool:

@@ -13,13 +13,16 @@ from ident.diagnosis.parts import FIT, Part
 from ident.diagnosis.verdict import Diagnosis, diagnose
 from ident.free_values import free_directions
 from ident.log import Log
-from ident.observability import parameter_sizes
+from ident.observability import SMALL, parameter_sizes
 from ident.pooling import as_list
+from ident.prior import prior_spreads
 from ident.quantities import Quantity, annotated, quantities
 from ident.scaled_fit import settled
 from ident.seen import Seen
 from ident.sensitivity import Linearised
+from youbot_env.dynamics import Theta
 from youbot_env.model import Model
+from youbot_env.model_file import load_model
 
 # Combinations that are known better than single inertias; the frictions stand for themselves.
 LUMPS = ("x1+x3", "x2+x3")
@@ -30,6 +33,8 @@ METHOD = "free run"
 # fitted: the covariance of a refinement leaves them out.
 BLIND = 1e-5
 ROUNDING = 1e-6
+# Variance of a direction, in those before any log, from which on the logs have not determined it.
+NO_BETTER = 0.5
 
 
 @dataclass(frozen=True)
@@ -117,7 +122,8 @@ def improve(
     Raises:
         ValueError: a log without drive input.
     """
-    logs = as_list(logs)
+    logs, start = as_list(logs), load_model(model)
+    start = replace(start, platform=logs[0].platform)
     found = diagnose(logs, model, test, seed, progress)
     if found.errors is None:
         return Improvement(found, (), found.model)
@@ -127,7 +133,7 @@ def improve(
     stages: list[Stage] = []
     chain = found.chain if _kept(found) else found.chain[:1]
     for number, (added, refined) in enumerate(chain):
-        base = _base(found.first.parts, refined, factor)
+        base = _base(found.first.parts, refined, factor, start)
         nrmse, covered = errors.nrmse[number], (errors.before - errors.nrmse[number]) / way
         shifts = _shifts(stages[-1].base if stages else None, base)
         stages.append(Stage(added, refined, nrmse, errors.axes[number], covered, base, shifts))
@@ -147,9 +153,11 @@ def _kept(found: Diagnosis) -> bool:
     return found.verdict in KEPT or (found.verdict == "outside_library" and certain)
 
 
-def _base(parts: list[Part], model: Model, factor: float) -> dict[str, Quantity]:
+def _base(parts: list[Part], model: Model, factor: float, prior: Model) -> dict[str, Quantity]:
     """Base parameters and lumps with half widths of ``factor`` standard errors."""
-    parameters, lumps, _ = quantities(model, _seen(parts, model), factor, METHOD)
+    seen = _seen(parts, model)
+    seen = replace(seen, null=np.concatenate([seen.null, _no_better(parts, model, prior)]))
+    parameters, lumps, _ = quantities(model, seen, factor, METHOD)
     return parameters | {name: lumps[name] for name in LUMPS}
 
 
@@ -179,6 +187,22 @@ def _seen(parts: list[Part], model: Model) -> Seen:
     fixed = np.eye(len(names))[[name in parts[0].fixed for name in names]]
     null = np.concatenate([turned[:, ~known].T, fixed])
     return Seen(names, start, np.ones(len(names)), turned[:, known], null)
+
+
+def _no_better(parts: list[Part], model: Model, prior: Model) -> np.ndarray:
+    """(k, P) directions of which the logs say no more than was known before them.
+
+    Where the drive is a voltage nothing was known.
+    """
+    if any(part.log.drive == "voltage" for part in parts):
+        return np.zeros((0, len(model.names())))
+    names = tuple(Theta._fields)
+    spread = prior_spreads(names, prior)
+    covariance = np.array(model.covariance)[: len(names), : len(names)]
+    strength, turn = np.linalg.eigh(covariance / np.outer(spread, spread))
+    found = turn[:, strength > NO_BETTER].T
+    found = np.where(np.abs(found) < SMALL, 0.0, found) * spread
+    return np.pad(found, ((0, 0), (0, len(model.names()) - len(names))))
 
 
 def _shifts(

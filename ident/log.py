@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import itertools
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
@@ -268,6 +269,22 @@ class Log:
         """Name of a run; of the log where it is one record."""
         return self.runs[number][0] if self.runs else self.name
 
+    def without_runs(self, names: set[str]) -> Log:
+        """The record without some of the runs that it was joined from; at least one is left."""
+        ends = [*(begin for _, begin in self.runs[1:]), np.inf]
+        kept = [self.part(begin, end) for (name, begin), end in zip(self.runs, ends, strict=True)
+                if name not in names]  # fmt: skip
+        values, starts, rows = {}, [], 0
+        for part in kept:
+            starts += [start + rows for start in part.starts]
+            rows += len(part.time)
+        for channel in ("time", *CHANNELS):
+            if getattr(self, channel) is not None:
+                values[channel] = np.concatenate([getattr(part, channel) for part in kept])
+        runs = tuple(run for run in self.runs if run[0] not in names)
+        more = f" and {len(runs) - 1} more" if len(runs) > 1 else ""
+        return replace(self, **values, starts=tuple(starts), runs=runs, name=runs[0][0] + more)
+
     def part(self, t0: float, t1: float) -> Log:
         """Samples with ``t0 <= time < t1``, s, in the log's own time.
 
@@ -285,13 +302,13 @@ class Log:
     def _rows(self, rows: slice, name: str) -> Log:
         values = {channel: getattr(self, channel) for channel in ("time", *CHANNELS)}
         cut = {channel: None if v is None else v[rows] for channel, v in values.items()}
-        inside = (s - rows.start for s in self.starts if rows.start < s < rows.stop)
-        ends = [*(begin for _, begin in self.runs[1:]), np.inf]
-        runs = tuple(
-            run for run, end in zip(self.runs, ends, strict=False)
-            if run[1] <= cut["time"][-1] and end > cut["time"][0]
-        )  # fmt: skip
-        return replace(self, **cut, name=name, starts=(0, *inside), runs=runs)
+        # Found by halving: pieces of many runs would else take the square of their number.
+        first = bisect_right(self.starts, rows.start)
+        inside = self.starts[first : bisect_left(self.starts, rows.stop)]
+        begin, end = map(int, self.run_of(cut["time"][[0, -1]]))
+        runs = self.runs[begin : end + 1]
+        starts = (0, *(start - rows.start for start in inside))
+        return replace(self, **cut, name=name, starts=starts, runs=runs)
 
     def save(self, path: str | Path, remembered: Mapping[str, str] | None = None) -> Path:
         """Write the log as CSV, or as Parquet by the name's ending, and return the path.

@@ -16,6 +16,7 @@ from ident.free_values import FreeValues
 from ident.input_noise import PAIRS, noisier
 from ident.instruments import adapted, stated
 from ident.log import Log
+from ident.pull import Pull
 from ident.scaled_fit import ScaledFit
 from ident.scopes import Scopes
 from ident.sensitivity import Linearised
@@ -72,6 +73,7 @@ def refine(
     ends: list[dict[str, tuple[float, float]]] | None = None,
     smooth: bool = False,
     draws: int = PAIRS,
+    prior: Model | None = None,
 ) -> OutputError:
     """Refine a model by output error.
 
@@ -89,6 +91,8 @@ def refine(
             values taken back, which takes a while.
         ends: for each log, lowest and highest values by name, within those of the model.
         draws: pairs of records with more noise, by which what noise does to the values is told.
+        prior: model whose seven parameters are what is known before any log; directions of which
+            these logs say less stay near it, see ``ident.pull``.
         smooth: whether errors are averaged over neighbouring samples, see ``scaled_fit.smoothed``.
 
     Returns:
@@ -108,25 +112,36 @@ def refine(
         for start in starts
     ]
     now = min(fits, key=lambda fit: fit.cost)
+    pull = Pull.of(now, prior)
+
+    def cost(fit: ScaledFit) -> float:
+        return fit.cost if pull is None else fit.cost + pull.cost(fit.values)
+
+    def stepped(fit: ScaledFit, damping: float) -> tuple[np.ndarray, float]:
+        moving = free_values.moving
+        return fit.step(free_values, damping, pull and pull.rows(fit.values, moving))
+
     first, converged, gentlest = now.cost, False, 0
     for _ in range(iterations):
         values, better = now.values, None
         for level in range(gentlest, len(DAMPING)):
-            step, promised = now.step(free_values, DAMPING[level])
-            if promised < tolerance * now.cost:
+            step, promised = stepped(now, DAMPING[level])
+            if promised < tolerance * cost(now):
                 break  # dampening promises even less
             trial = at(free_values.moved(values, step))
-            if trial.cost < now.cost:
+            if cost(trial) < cost(now):
                 better, gentlest = trial, max(level - 1, 0)  # much gentler would fail again
                 break
-        if better is None or now.cost - better.cost < tolerance * now.cost:
+        if better is None or cost(now) - cost(better) < tolerance * cost(now):
             now, converged = better or now, True
             break
         now = better
     models, covariance = now.models, None
     if intervals:
         covariance, values = now.covariance(free_values), now.values
-        steps = [at(values, noisy).step(free_values, 0.0)[0] for noisy in noisier(logs, draws)]
+        if pull is not None:
+            covariance = pull.covariance(now, free_values, covariance)
+        steps = [stepped(at(values, noisy), 0.0)[0] for noisy in noisier(logs, draws)]
         if steps:
             bias = _credible(np.mean(steps, axis=0), np.sqrt(np.diag(covariance)))
             now = at(free_values.within(values - bias))

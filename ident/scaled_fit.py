@@ -105,22 +105,32 @@ class ScaledFit:
     def _made(self) -> dict[tuple, np.ndarray]:
         return {}
 
-    def step(self, free: FreeValues, damping: float) -> tuple[np.ndarray, float]:
+    def step(
+        self, free: FreeValues, damping: float, beside: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> tuple[np.ndarray, float]:
         """Damped Gauss-Newton step (Z,), and how much lower it promises the cost to be.
 
         Values at a bound do not push against it.
+
+        Args:
+            free: what may move.
+            damping: of Levenberg and Marquardt, in columns of unit length.
+            beside: columns (K, M) and errors (K,) of further rows, which the cost counts too.
         """
-        values, moving, columns = self.values, free.moving, self.columns(free)
+        values, moving, columns, error = self.values, free.moving, self.columns(free), self.error
+        if beside is not None:
+            columns = np.concatenate([columns, beside[0]])
+            error = np.concatenate([error, beside[1]])
         held = np.zeros(len(values), bool)
         for _ in range(3):
             basis = free.directions[:, ~np.any(free.directions[held] != 0, axis=0)]
-            step = basis @ _least_squares(columns @ basis[moving], self.error, damping)
+            step = basis @ _least_squares(columns @ basis[moving], error, damping)
             out = ((values <= free.low) & (step < 0)) | ((values >= free.high) & (step > 0))
             if not np.any(out & ~held):
                 break
             held |= out
-        left = self.error - columns @ step[moving]
-        return step, self.cost - 0.5 * float(left @ left)
+        left = error - columns @ step[moving]
+        return step, 0.5 * float(error @ error - left @ left)
 
     def covariance(self, free: FreeValues) -> np.ndarray:
         """(Z, Z) from the scatter between windows and the drift of wheel angles."""

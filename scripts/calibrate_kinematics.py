@@ -1,4 +1,4 @@
-"""Calibrate wheel radii, base, roller angle and the mount of the pose sensor from a log."""
+"""Calibrate wheel radii, base, roller angle and the mount of the pose sensor from logs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated
 
 import console
 import typer
-from given_logs import FIT, TEST, LogOptions, digests, reads_logs, used_model
+from given_logs import FIT, SEVERAL, TEST, LogOptions, Logs, Tests, digests, reads_logs, used_model
 
 from ident.kinematics import Drift, KinematicCalibration, calibrate_kinematics
 from ident.log import Log
@@ -29,13 +29,8 @@ HEADS = ("", "value", "95 % interval", "unit")
 
 @reads_logs
 def main(
-    log: Annotated[
-        Path | None,
-        typer.Argument(metavar="[LOG]", help="Log with wheel speeds and pose; bundled if left."),
-    ] = None,
-    test: Annotated[
-        Path | None, typer.Option(metavar="LOG", help="Log to judge by, kept out of the fit.")
-    ] = None,
+    logs: Logs = None,
+    test: Tests = None,
     model: Annotated[
         str, typer.Option(help="Model with the wheel table: model file, nominal or paper.")
     ] = "nominal",
@@ -51,40 +46,40 @@ def main(
     *,
     options: LogOptions,
 ) -> None:
-    """Calibrate wheel radii, base, roller angle and the mount of the pose sensor from a log.
+    """Calibrate wheel radii, base, roller angle and the mount of the pose sensor from logs.
 
-    The pose must be measured independently of the wheels (motion capture, lidar). Nothing in it is
-    random: equal logs give equal results.
+    The pose must be measured independently of the wheels (motion capture, lidar). Several logs give
+    one calibration; each may have a pose frame of its own. Nothing in it is random: equal logs give
+    equal results.
     """
     console.check_writable(out, json_file)
-    if log is None:
-        log, test = FIT, test or TEST
+    if not logs:
+        logs, test = [FIT], test or [TEST]
     before = load_model(model)
     with console.progress("calibrating", 3, "steps") as show:
-        logs, tests = options.read(before, [log], [] if test is None else [test])
-        if max(len(logs), len(tests)) > 1:
-            raise ValueError(f"{len(logs)} logs and {len(tests)} to judge by; give one of each")
-        measured, untouched = logs[0], tests[0] if tests else None
-        before = used_model(before, [measured])
+        measured, tests = options.read(before, logs, test or ())
+        before = used_model(before, measured)
         show(2)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # what is open is told below
-            result = calibrate_kinematics(measured, test=untouched, finite_rollers=finite_rollers)
+            result = calibrate_kinematics(measured, test=tests, finite_rollers=finite_rollers)
         show(3)
-    history = console.provenance(logs=digests([measured, *tests]))
+    everything = [*measured, *tests]
+    for name, reason in result.left_out.items():
+        console.err.print(f"left out: {name}: {reason}", style="yellow", soft_wrap=True)
+    used = [log for log in everything if log.name not in result.left_out]
+    history = console.provenance(logs=digests(used))
     history.pop("seed")
-    history |= accepted([measured, *tests])
+    history |= accepted(everything)
     if out is not None:
         calibrated = replace(result.model(before), name=out.stem, covariance=None)
         save_model(replace(calibrated, provenance=history), out)
     written = {"model": None if out is None else console.shown(out)}
     console.write_json(
         json_file,
-        result.as_dict()
-        | written
-        | {"findings": findings_json([measured, *tests]), "provenance": history},
+        result.as_dict() | written | {"findings": findings_json(everything), "provenance": history},
     )
-    tell(result, [measured, *tests], out)
+    tell(result, everything, out)
 
 
 def tell(result: KinematicCalibration, logs: list[Log], out: Path | None) -> None:
@@ -103,7 +98,7 @@ def tell(result: KinematicCalibration, logs: list[Log], out: Path | None) -> Non
             found = [(words, *drift_row(d)) for words, d in drifts.items() if d is not None]
             console.table(f"Drift on {record}: in windows, then at the end", heads, found)
             console.out.print()
-    console.section("Undetermined by this log", list(result.undetermined))
+    console.section("Undetermined", list(result.undetermined))
     console.section("Remarks", list(result.remarks))
     console.section("Log doctor", finding_lines(logs))
     if out is not None:
@@ -139,4 +134,4 @@ def drift_row(drift: Drift) -> tuple:
 
 
 if __name__ == "__main__":
-    console.run(main, "mine.csv --test other.csv --out calibrated.yaml")
+    console.run(main, "mine.csv --test other.csv --out calibrated.yaml", SEVERAL)

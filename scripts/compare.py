@@ -10,9 +10,10 @@ import console
 import given_effects
 import numpy as np
 import typer
-from given_logs import TEST, LogOptions, Logs, digests, one_or_all, reads_logs
+from given_logs import SEVERAL, TEST, LogOptions, Logs, digests, one_or_all, reads_logs
 
-from ident.comparison import Standing, compare, rank
+from ident.comparison import Beside, Standing, beside, compare, rank
+from ident.disagreement import with_disagreements
 from ident.log import Log
 from ident.recording_words import in_words
 from ident.report.compare import comparison_page
@@ -25,6 +26,7 @@ from ident.report.compare_words import (
     free_run_rows,
     harmonic_rows,
     note,
+    share,
     stretch_rows,
     verdict,
     where_rows,
@@ -41,6 +43,15 @@ MODEL_FILES = ("", ".yaml", ".yml")
 @reads_logs
 def main(
     logs: Logs = None,
+    test: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--test",
+            metavar="LOG ...",
+            help="Logs to judge by; errors on the others, which models were fitted to, stand "
+            "beside.",
+        ),
+    ] = None,
     model: Annotated[
         list[str] | None,
         typer.Option(
@@ -58,7 +69,7 @@ def main(
     *,
     options: LogOptions,
 ) -> None:
-    """Compare models with a measured log: errors, where they gather, and when they are worst.
+    """Compare models with measured logs: errors, where they gather, and when they are worst.
 
     Free run: velocities simulated from the measured drive input alone, in windows.  Equation: what
     the filtered equations of motion leave of the measured forces.
@@ -66,12 +77,18 @@ def main(
     given_effects.load_effects(effects)
     console.check_writable(json_file, None if report is None else report / "index.html")
     models = read_models(model or DEFAULT)
-    records, _ = options.read(models[0], logs or [TEST])
+    given, tests = options.read(models[0], logs or ([] if test else [TEST]), test or ())
+    records = tests or given
     models = options.used_models(models, records)
     steps = len(models) + (report is not None)
     with console.progress("comparing", steps, "steps") as show:
         standings = rank(compare(one_or_all(records), models, window, seed, show), seed)
-        history = console.provenance(seed, digests(records)) | accepted(records)
+        judging = standings[0].comparison.log
+        fitted = beside(given, judging, models, window) if given and tests else None
+        if fitted is not None:
+            records = with_disagreements(tests, fitted.differs)
+        everything = records if fitted is None else [*given, *records]
+        history = console.provenance(seed, digests(everything)) | accepted(everything)
         # Where every simulation runs away there is nothing to draw.
         drawable = report is not None and bool(np.isfinite(standings[0].comparison.run.nrmse))
         page = comparison_page(standings, console.in_words(history), records) if drawable else None
@@ -82,10 +99,11 @@ def main(
         "models": [s.comparison.as_dict() for s in in_order(standings, models)],
         "ranking": [standing.as_dict() for standing in standings],
         "window": window,
-        "findings": findings_json(records),
+        "fitted": None if fitted is None else {"log": fitted.log, "nrmse": fitted.errors},
+        "findings": findings_json(everything),
     }
     console.write_json(json_file, result | {"provenance": history})
-    tell(standings, records, None if page is None else page.write(report))
+    tell(standings, everything, fitted, None if page is None else page.write(report))
 
 
 def read_models(words: tuple[str, ...] | list[str]) -> list[Model]:
@@ -123,7 +141,9 @@ def in_order(standings: list[Standing], models: list[Model]) -> list[Standing]:
     return sorted(standings, key=lambda standing: at[standing.comparison.model.name])
 
 
-def tell(standings: list[Standing], logs: list[Log], page: Path | None) -> None:
+def tell(
+    standings: list[Standing], logs: list[Log], fitted: Beside | None, page: Path | None
+) -> None:
     """Say what was found: the verdict, then errors, then where and when they are."""
     best = standings[0].comparison
     console.out.print(verdict(standings), style="bold", soft_wrap=True)
@@ -141,6 +161,12 @@ def tell(standings: list[Standing], logs: list[Log], page: Path | None) -> None:
         console.out.print()
         head = (FREE_RUN_HEAD[0], *FREE_RUN_HEAD[7:])
         console.table("Free run, all axes", head, [(row[0], *row[7:]) for row in rows])
+    if fitted is not None:
+        console.out.print()
+        head = ("model", f"{fitted.log} all %", f"{best.log.name} (--test) all %")
+        on = {row[0]: row[7] for row in rows}
+        both = [(name, share(error), on[name]) for name, error in fitted.errors.items()]
+        console.table("Free run on the logs that do not judge, and on those that do", head, both)
     console.out.print()
     console.table("Equation, rms errors", equation_head(best.force_units), equation_rows(standings))
     console.out.print()
@@ -165,6 +191,6 @@ def tell(standings: list[Standing], logs: list[Log], page: Path | None) -> None:
 if __name__ == "__main__":
     console.run(
         main,
-        "mine.csv --model nominal models/identified.yaml --report report/compare",
-        several=("--model",),
+        "mine.csv --test other.csv --model nominal models/identified.yaml --report report/compare",
+        several=("--model", *SEVERAL),
     )

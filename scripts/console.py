@@ -34,6 +34,7 @@ from youbot_env.model_file import write_atomically
 
 ROOT = Path(__file__).resolve().parent.parent
 FAULT, STOPPED = 3, 130
+GAP = 2  # characters between columns
 INDENT = {"initial_indent": "  - ", "subsequent_indent": "    "}
 # Options that name a file to write; what other words of a command line name is read.
 RESULTS = ("--out", "--json", "--truth", "--onnx", "--results", "--report")
@@ -210,18 +211,50 @@ def shown(path: str | os.PathLike) -> str:
 
 
 def table(title: str, columns: Iterable[str], rows: Iterable[Iterable]) -> None:
-    """Print a plain table: the first column of names, the others of numbers or words."""
-    drawn = Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for number, column in enumerate(columns):
-        drawn.add_column(column, justify="right" if number else "left")
-    for row in rows:
-        drawn.add_row(*(f"{c:.4g}" if isinstance(c, float) else str(c) for c in row))
-    out.print(drawn)
+    """Print a plain table: the first column of names, the others of numbers or words.
+
+    Words and numbers stay whole: columns wrap between them, names last.  A table whose words do not
+    fit is wider than the terminal, which is better than a name nobody can type.
+    """
+    columns = list(columns)
+    cells = [[f"{c:.4g}" if isinstance(c, float) else str(c) for c in row] for row in rows]
+    held = list(zip(columns, *cells, strict=True))
+    widths = _widths(held, out.width - GAP * (len(columns) - 1))
+    drawn = Table(box=None, pad_edge=False, padding=(0, GAP, 0, 0))
+    for number, (column, width) in enumerate(zip(columns, widths, strict=True)):
+        drawn.add_column(column, justify="right" if number else "left", width=width)
+    for row in cells:
+        drawn.add_row(*row)
+    if title:
+        out.print(title, style="italic", soft_wrap=True)
+    width = max(out.width, sum(widths) + GAP * len(widths))
+    Console(highlight=False, markup=False, emoji=False, width=width).print(drawn)
+
+
+def _widths(columns: list[tuple[str, ...]], room: int) -> list[int]:
+    """Widths of columns of cells: no less than their longest words, what is left to whole cells.
+
+    The names come first, then the columns that lack least.
+    """
+    widths = [max(len(word) for cell in cells for word in [*cell.split(), ""]) for cells in columns]
+    whole = [max(len(line) for cell in cells for line in [*cell.splitlines(), ""])
+             for cells in columns]  # fmt: skip
+    spare = room - sum(widths)
+    others = sorted(range(1, len(widths)), key=lambda k: whole[k] - widths[k])
+    for k in [0, *others]:
+        more = min(max(spare, 0), whole[k] - widths[k])
+        widths[k], spare = widths[k] + more, spare - more
+    return [max(width, 1) for width in widths]
 
 
 @contextmanager
 def progress(title: str, total: float, unit: str = "") -> Iterator[Callable[[float], None]]:
-    """Show a bar on a terminal; the body gets a function to call with how much is done."""
+    """Show a bar on a terminal, elsewhere a line; the body gets a function to call.
+
+    It takes how much is done.
+    """
+    if not err.is_terminal:
+        err.print(f"{title} ...", soft_wrap=True)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -231,6 +264,24 @@ def progress(title: str, total: float, unit: str = "") -> Iterator[Callable[[flo
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
         task = bar.add_task(title, total=total)
         yield lambda done: bar.update(task, completed=done)
+
+
+@contextmanager
+def stages(first: str) -> Iterator[Callable[[str], None]]:
+    """Say what is being done: in place on a terminal, elsewhere a line for each new stage."""
+    if err.is_terminal:
+        with err.status(first) as status:
+            yield status.update
+        return
+    said: list[str] = []
+
+    def tell(what: str) -> None:
+        if what not in said:
+            err.print(f"{what} ...", soft_wrap=True)
+        said.append(what)
+
+    tell(first)
+    yield tell
 
 
 def section(title: str, sentences: list[str]) -> None:

@@ -22,6 +22,7 @@ from given_logs import (
 )
 
 from ident.diagnosis.verdict import Diagnosis, diagnose
+from ident.disagreement import with_disagreements
 from ident.recording_words import in_words
 from ident.report.diagnose import UNTRIED, diagnosis_page, untried_lines
 from ident.report.findings import accepted, finding_lines, findings_json
@@ -55,8 +56,9 @@ def main(
     records, tests = options.read(start, logs, test or ())
     everything, held = (*records, *tests), one_or_all(tests)
     start = used_model(start, records)
-    with console.err.status("reading") as status:
-        found = diagnose(records, start, held, seed, lambda what: status.update(what))
+    with console.stages("reading") as tell:
+        found = diagnose(records, start, held, seed, tell)
+    everything = (*records, *with_disagreements(tests, found.differs))
     show(found)
     console.section("Log doctor", finding_lines(everything))
     history = console.provenance(seed, digests(everything)) | accepted(everything)
@@ -80,7 +82,7 @@ def show(found: Diagnosis) -> None:
     if rows:
         console.table("Sizes", ("effect", "parameter", "value", "95 % interval", "unit"), rows)
     tried = [
-        (r.effect, f"{r.p:.3f}", f"{100 * r.gain:.1f}", f"{r.parameter} = {r.size:.3g}", r.unit,
+        (r.effect, f"{r.p:.3f}", f"{100 * r.gain:.1f}", f"{r.parameter}={r.size:.3g}", r.unit,
          "-" if r.smallest is None else f"{r.smallest:.3g}", f"{100 * r.power:.0f}")
         for r in found.reach[:SHOWN]
     ]  # fmt: skip

@@ -14,8 +14,8 @@ import console
 import typer
 
 from ident.diagnosis.fitness import LEAST_SECONDS
-from ident.disagreement import with_disagreement
 from ident.doctor import LogError
+from ident.doctor.finding import Finding
 from ident.loaders import find_loader
 from ident.log import YOUBOT_TABLE, Log
 from youbot_env.model import Model
@@ -123,10 +123,8 @@ class LogOptions:
         refuse_double([*found[0], *found[1]])
         refuse_two_robots([*found[0], *found[1]])
         named = told_once(with_own_names([*found[0], *found[1]]))
-        fitted, tests = (
-            long_together(part) for part in (named[: len(found[0])], named[len(found[0]) :])
-        )
-        return fitted, with_disagreement(fitted, tests, model) if tests else tests
+        parts = named[: len(found[0])], named[len(found[0]) :]
+        return tuple(moving_together(long_together(part)) for part in parts)
 
     def given(self, model: Model) -> GivenPlatform | None:
         """The platform of an option or of a model that has its own; None where logs may say it."""
@@ -285,6 +283,18 @@ def long_together(logs: list[Log]) -> list[Log]:
         return logs
     return [replace(log, findings=tuple(f for f in log.findings if f.name != "short"))
             for log in logs]  # fmt: skip
+
+
+def moving_together(logs: list[Log]) -> list[Log]:
+    """Logs without the warning that an axis hardly moves in each, where another log moves it."""
+    still = [{f.what.partition(":")[0] for f in log.findings if f.name == "rest"} for log in logs]
+    always = set.intersection(*still) if still else set()
+
+    def kept(finding: Finding) -> bool:
+        of_axis = finding.name == "rest" and finding.what.startswith("hardly any")
+        return not of_axis or finding.what.partition(":")[0] in always
+
+    return [replace(log, findings=tuple(filter(kept, log.findings))) for log in logs]
 
 
 def used_model(model: Model, logs: list[Log]) -> Model:

@@ -25,7 +25,9 @@ from given_logs import (
 )
 
 from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
+from ident.disagreement import with_disagreements
 from ident.identification import identify
+from ident.log import Log
 from ident.quantities import AT_BOUND, UNSEEN
 from ident.recording_words import in_words
 from ident.report.findings import accepted, finding_lines, findings_json
@@ -64,7 +66,10 @@ def main(
     test: Tests = None,
     method: Annotated[
         str,
-        typer.Option(help="auto, ls (least squares), iv (instruments) or free-run."),
+        typer.Option(
+            help="auto (of voltages what predicts data kept out best), ls (least squares), iv "
+            "(instruments) or free-run."
+        ),
     ] = "auto",
     out: Annotated[Path, typer.Option(metavar="FILE", help="The identified model, YAML.")] = Path(
         "models/identified.yaml"
@@ -111,16 +116,22 @@ def main(
         decomposed = None
         if by_motion:
             decomposed = identify_by_motion(cut_calibration(measured[0]), result.prior)
+        tests = with_disagreements(tests, result.differs)
         show(2)
         outcome = Outcome.of(result, before)
         show(3)
         history = console.provenance(logs=digests(measured))
         history = {key: value for key, value in history.items() if key != "seed"}
         history |= {"method": result.method, "start": before.name}
+        if result.choice is not None:
+            history["method_chosen"] = str(result.choice)
         if tests:
             history["test_log"] = digests(tests)
         history |= accepted([*measured, *tests])
-        page = None if report is None else identification_page(outcome, console.in_words(history))
+        page = None
+        if report is not None:
+            told = console.in_words(history)
+            page = identification_page(outcome, told, [*measured, *tests])
         show(4)
     usable = not outcome.problems
     if usable:
@@ -134,7 +145,7 @@ def main(
         content["by_motion"] = asdict(decomposed)
     console.write_json(json_file, content | {"provenance": history})
     address = None if page is None else page.write(report)
-    tell(outcome, out if usable else None, address)
+    tell(outcome, [*measured, *tests], out if usable else None, address)
     if decomposed is not None:
         tell_by_motion(decomposed)
     if not usable:
@@ -158,6 +169,15 @@ def tell_by_motion(found: MotionIdentification) -> None:
     console.table("Motion by motion, value +- standard error, kg m^2 and N m s", head, rows)
 
 
+def origin(row: tuple[str, ...]) -> str:
+    """Where the value in a row of ``parameter_rows`` comes from.
+
+    One that moved and has no interval is known in a combination with others alone.
+    """
+    moved = row[5] == UNSEEN and row[1] != row[2]
+    return "in part" if moved else ORIGIN.get(row[5], "fit")
+
+
 def write_posterior(model: Model, count: int, seed: int, path: Path) -> None:
     """Write robots drawn from the identified covariance, one a row, as environments draw them."""
     rng = np.random.default_rng(seed)
@@ -168,15 +188,17 @@ def write_posterior(model: Model, count: int, seed: int, path: Path) -> None:
     console.out.print(f"posterior: {console.shown(path)}, {count} robots")
 
 
-def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
+def tell(outcome: Outcome, logs: list[Log], model: Path | None, page: Path | None) -> None:
     """Say what was found: the verdict, then what it rests on."""
     result = outcome.result
     console.out.print(outcome.verdict, style="bold", soft_wrap=True)
     console.section("How the logs were recorded", in_words(result.recording))
     heads = ("", outcome.label, "identified", "95 % interval", "unit")
-    rows = [(*row[:5], ORIGIN.get(row[5], "fit"), row[6]) for row in parameter_rows(outcome)]
+    rows = [(*row[:5], origin(row), row[6]) for row in parameter_rows(outcome)]
     console.out.print()
     console.table(f"Parameters, by {result.method}", (*heads, "source", "doubt"), rows)
+    if result.choice is not None:
+        console.section("Method", [f"chosen: {result.choice}"])
     if result.effects:
         console.out.print()
         console.table("Effects", heads, [row[:5] for row in effect_rows(outcome)])
@@ -185,8 +207,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     console.table("Known better than the single inertias", heads, lump_rows(outcome))
     console.out.print()
     head, rows = agreement(outcome)
-    short = [(row[0].rpartition(".")[2], *row[1:]) for row in rows]
-    console.table("Estimators", head, short)
+    console.table("Estimators", head, rows)
     console.out.print(agreement_note(result), soft_wrap=True)
     console.out.print()
     head = ("axis", "unit", "rms", f"error, {outcome.label}", "error, identified")
@@ -198,7 +219,7 @@ def tell(outcome: Outcome, model: Path | None, page: Path | None) -> None:
     console.out.print(words)
     console.section("Undetermined by these logs", seen.words)
     console.section("Invisible to logs of this kind", result.invisible)
-    console.section("Log doctor", finding_lines([*result.logs, *result.tests]))
+    console.section("Log doctor", finding_lines(logs))
     if not outcome.untouched:
         console.section("Advice", ["give a log that is not fitted with --test to judge by"])
     console.out.print()

@@ -28,6 +28,7 @@ from controllers import make
 from controllers.evaluation.motions import Motion
 from controllers.evaluation.run import drive, make_env, measure
 from controllers.evaluation.subjects import Subject
+from ident.disagreement import with_disagreements
 from ident.improvement import Improvement, improve
 from ident.log import Log
 from ident.recording_words import in_words
@@ -102,15 +103,16 @@ def main(
     everything, held = (*records, *tests), one_or_all(tests)
     start = used_model(start, records)
     history = console.provenance(seed, digests(everything)) | accepted(everything)
-    with console.err.status("reading") as status:
-        done = improve(records, start, held, seed, status.update, out.stem)
+    with console.stages("reading") as say:
+        done = improve(records, start, held, seed, say, out.stem)
+        everything = (*records, *with_disagreements(tests, done.found.differs))
         usable = bool(done.stages) and not done.problems
         tracking = None
         if usable and len(done.stages) > 1:
-            status.update("trying the controllers")
+            say("trying the controllers")
             tracking = tried(done, records, seed)
         gains = [*([str(tracking)] if tracking else []), *(uses(out, records) if usable else [])]
-        status.update("drawing")
+        say("drawing")
         page = None
         if report is not None:
             page = improvement_page(done, gains, console.in_words(history), everything)

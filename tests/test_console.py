@@ -77,6 +77,52 @@ def test_console_json_holds_only_what_json_has(console, tmp_path):
     assert (tmp_path / "j.json").read_text() == text
 
 
+LONG = "direction_dependent_friction"
+
+
+@pytest.mark.parametrize("width", [40, 80, 200])
+def test_names_and_numbers_of_a_table_are_never_cut(console, capsys, monkeypatch, width):
+    monkeypatch.setattr(console.out, "_width", width)
+    heads = ("effect", "p adjusted", "gain %", "size", "unit", "smallest seen", "power %")
+    rows = [(LONG, "0.005", "-131.2", "forward=0.00908", "N m s", 0.0256, "100"),
+            ("torque_gain", "0.018", "-45.3", "e_fr=0.0687", "", "0.104", "75")]  # fmt: skip
+    console.table("On top of the base model, a title that is longer", heads, rows)
+    text = capsys.readouterr().out
+    assert "…" not in text
+    assert text.splitlines()[0] == "On top of the base model, a title that is longer"
+    for word in (LONG, "-131.2", "forward=0.00908", "0.0256", "e_fr=0.0687", "adjusted"):
+        assert word in text
+    lines = [line.rstrip() for line in text.splitlines()[1:]]
+    if width == 200:
+        assert "N m s" in text
+        assert len(lines) == 3
+    if width == 80:  # every word is whole, so that this table needs a little more
+        assert max(map(len, lines)) < 90
+
+
+def test_a_table_that_fits_is_no_wider_than_the_terminal(console, capsys, monkeypatch):
+    monkeypatch.setattr(console.out, "_width", 60)
+    console.table("t", ("", "value", "95 % interval of it", "unit"),
+                  [("a name of several words", 1.0, "0.9 ... 1.1", "kg m^2")])  # fmt: skip
+    lines = capsys.readouterr().out.splitlines()
+    assert max(len(line.rstrip()) for line in lines) <= 60
+    assert "a name of several words" in lines[-1]
+
+
+def test_where_no_terminal_is_each_stage_is_a_line(console, capsys):
+    with console.progress("comparing", 3, "steps") as show:
+        show(1)
+        show(3)
+    with console.stages("reading") as tell:
+        for what in ("fitting", "fitting", "adding wheel_slip", "fitting"):
+            tell(what)
+    shown = capsys.readouterr()
+    assert shown.err.splitlines() == [
+        "comparing ...", "reading ...", "fitting ...", "adding wheel_slip ...",
+    ]  # fmt: skip
+    assert shown.out == ""
+
+
 def test_console_command_line_hides_where_things_are(console, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     words = [

@@ -7,14 +7,18 @@ import numpy as np
 import pytest
 
 from ident.diagnosis.verdict import diagnose
-from ident.disagreement import with_disagreement
+from ident.disagreement import disagreements, may_judge, not_used, with_disagreements
 from ident.log import Log
+from ident.pooling import joined
+from ident.recording import find_recordings
 from youbot_env.model_file import load_model
 from youbot_env.references import SmoothRandom, calibration_sequence
 from youbot_env.simulation import Sensors, record_closed_loop
 
 PAPER = load_model("paper")
 DRY = {"wheel_coulomb_friction": 0.15}
+# Clocks that need not be found; the logs have them.
+KNOWN = {"drive_hold": {"kind": 0.0}, "drive_offset": {"d": 0.0}}
 
 
 def record(model, seed, motion=None, seconds=30.0):
@@ -30,8 +34,16 @@ def heavier(factor):
     return PAPER.with_values(values).with_effects(DRY)
 
 
-def told(fitted, log):
-    (judged,) = with_disagreement([fitted], [log], PAPER)
+def late(log, rows):
+    """The log with torques that come so many rows late, or early."""
+    moved = replace(log, wheel_torque=np.roll(log.wheel_torque, rows, axis=0))
+    return moved.part(0.2, log.time[-1] - 0.2)
+
+
+def told(fitted, log, known=KNOWN):
+    (record,) = find_recordings([replace(log, recording=known)], PAPER)
+    found = disagreements([replace(fitted, recording=KNOWN)], [record.log], PAPER)
+    (judged,) = with_disagreements([log], found)
     return [str(finding) for finding in judged.findings if finding.name == "differs"]
 
 
@@ -78,10 +90,41 @@ def test_another_motion_of_the_same_robot_agrees(hidden, motion):
     assert told(fitted, record(robot, 2, motion)) == []
 
 
+@pytest.mark.parametrize("rows", [4, -4])
+def test_a_late_clock_is_no_load_and_hides_none(fitted, rows):
+    """Torques 40 ms late or early: what counts is the log once its clock is known."""
+    assert told(fitted, late(record(PAPER.with_effects(DRY), 2), rows), known={}) == []
+    (words,) = told(fitted, late(record(heavier(1 + 5 / 35.3), 2), rows), known={})
+    assert "a mass of +4." in words
+    assert "another payload" in words
+
+
+def test_of_many_short_logs_that_which_differs_is_told(fitted):
+    names = ("a", "b", "c")
+    robots = (PAPER.with_effects(DRY), heavier(1.2), PAPER.with_effects(DRY))
+    runs = [replace(record(r, k + 2, seconds=18.0), name=n, recording=KNOWN)
+            for k, (n, r) in enumerate(zip(names, robots, strict=True))]  # fmt: skip
+
+    def found(*logs):
+        return disagreements([replace(fitted, recording=KNOWN)], [joined(logs)], PAPER)
+
+    assert list(found(*runs)) == ["b"]
+    assert may_judge(joined(runs), found(*runs))
+    (log,) = with_disagreements([joined(runs)], found(*runs))
+    assert [finding.where for finding in log.findings] == ["b, against the fitted logs"]
+    heavy = [replace(runs[1], name="b"), replace(record(heavier(1.2), 9, seconds=18.0), name="d",
+                                                 recording=KNOWN)]  # fmt: skip
+    assert list(found(*heavy)) == ["b", "d"]
+    assert not may_judge(joined(heavy), found(*heavy))
+    assert "; b, d were not used to judge: the robot is not" in not_used(found(*heavy))
+
+
 def test_the_finding_stands_in_text_and_json(script, tmp_path, fitted):
-    paths = [fitted.save(tmp_path / "a.csv"), record(heavier(1.2), 2).save(tmp_path / "b.csv")]
+    same = late(record(PAPER.with_effects(DRY), 3), 4)
+    logs = {"a": fitted, "b": record(heavier(1.2), 2), "c": same}
+    paths = [log.save(tmp_path / f"{name}.csv") for name, log in logs.items()]
     status, out, _ = script(
-        "identify.py", paths[0], "--test", paths[1], "--json", "r.json", "--out", "m.yaml"
+        "identify.py", paths[0], "--test", *paths[1:], "--json", "r.json", "--out", "m.yaml"
     )
     assert status == 0
     assert "the robot is not the one of the fitted log" in " ".join(out.split())
@@ -89,11 +132,28 @@ def test_the_finding_stands_in_text_and_json(script, tmp_path, fitted):
     assert [(f["log"], f["name"]) for f in found] == [("b", "differs")]
 
 
+def test_compare_judges_by_the_logs_that_are_kept_out(script, tmp_path, fitted):
+    paths = [fitted.save(tmp_path / "a.csv"), record(heavier(1.2), 2).save(tmp_path / "b.csv")]
+    words = ("--model", "paper", "nominal", "--json", "r.json")
+    status, out, errors = script("compare.py", paths[0], "--test", paths[1], *words)
+    assert status == 0, errors
+    text, found = " ".join(out.split()), json.loads((tmp_path / "r.json").read_text())
+    assert "predicts b best" in text
+    assert "the robot is not the one of the fitted log" in text
+    assert found["log"] == "b"
+    assert [(f["log"], f["name"]) for f in found["findings"]] == [("b", "differs")]
+    assert found["fitted"]["log"] == "a"
+    errors = {m["model"]: m["free_run"]["nrmse"] for m in found["models"]}
+    assert 0 < found["fitted"]["nrmse"]["paper"] < errors["paper"]
+    assert len(found["provenance"]["logs"]) == 2
+
+
 def test_a_log_of_another_robot_does_not_judge(fitted):
     robot = PAPER.with_effects({"wheel_coulomb_friction": 0.3})
     found = diagnose(fitted, "nominal", record(robot, 2))
     assert [name["effect"] for name in found.as_dict()["named"]] == list(DRY)
     assert "was not used to judge: the robot is not the one of the fitted log" in found.reason
+    assert list(found.differs) == ["log2"]
 
 
 def test_an_effect_that_hides_the_difference_is_taken_in():
@@ -101,7 +161,7 @@ def test_an_effect_that_hides_the_difference_is_taken_in():
     clips = PAPER.with_effects({"torque_saturation": 1.0})
     fitted, log = record(clips, 1, SmoothRandom(0.4, 1.5)), record(clips, 2, SmoothRandom(0.3, 1.0))
     weaker = replace(log, wheel_torque=1.2 * log.wheel_torque)
+    fitted, log, weaker = (replace(one, recording=KNOWN) for one in (fitted, log, weaker))
     assert told(fitted, weaker) == []
-    names = [[f.name for f in with_disagreement([fitted], [one], clips)[0].findings]
-             for one in (log, weaker)]  # fmt: skip
-    assert names == [[], ["differs"]]
+    assert disagreements([fitted], [log], clips) == {}
+    assert list(disagreements([fitted], [weaker], clips)) == [weaker.name]

@@ -52,6 +52,12 @@ def test_every_command_has_the_same_options(given, name):
     assert set(inspect.signature(__import__(name).main).parameters) >= OPTIONS
 
 
+@pytest.mark.parametrize("name", READERS[:-1])
+def test_every_command_that_judges_takes_logs_to_judge_by(given, name):
+    parameters = inspect.signature(__import__(name).main).parameters
+    assert {"logs", "test"} <= set(parameters)
+
+
 def test_patterns_folders_and_files(given, tmp_path):
     good = make(300)
     for name in ("b", "a"):
@@ -217,3 +223,42 @@ def test_short_logs_that_together_hold_enough_are_not_told_to_be_short(given):
     parts = [replace(log.part(t, t + 12.0), findings=(short,)) for t in (0.0, 15.0)]
     assert given.long_together(parts[:1]) == parts[:1]
     assert not any(part.findings for part in given.long_together(parts))
+
+
+def test_logs_along_one_axis_each_are_not_told_that_another_is_still(given):
+    log = Log.load(given.FIT)
+
+    def resting(*axes):
+        found = [Finding("warning", f"hardly any {axis} motion: 1 mm/s", "whole log", "-", "rest")
+                 for axis in axes]  # fmt: skip
+        return replace(log, findings=(*found, Finding("warning", "slow", "file", "-", "rest")))
+
+    def left(*logs):
+        return [[f.what.partition(":")[0] for f in one.findings] for one in
+                given.moving_together(list(logs))]  # fmt: skip
+
+    assert left(resting("yaw", "sideways"), resting("yaw", "forward")) == [
+        ["hardly any yaw motion", "slow"]] * 2  # fmt: skip
+    assert left(resting("yaw")) == [["hardly any yaw motion", "slow"]]
+
+
+def test_what_many_logs_share_is_said_once(given):
+    """Seventy logs with ten findings each, in their own numbers, are seven hundred lines."""
+    from ident.report.findings import finding_lines
+
+    log = Log.load(given.FIT)
+
+    def logs(count):
+        made = []
+        for number in range(count):
+            steps = Finding("warning", f"recorded in steps of 0.0{number}1, {number}% of the rms",
+                            f"column {number}", "use finer", "resolution")  # fmt: skip
+            jumps = Finding("fixed", f"{number + 2} gaps in time: split", "time", "-", "clock")
+            made.append(replace(log, name=f"log{number}", findings=(steps, jumps)))
+        return made
+
+    many, few = finding_lines(logs(30)), finding_lines(logs(3))
+    assert len(many) == 2
+    assert many[0].startswith("log0, log1, log2, log3 and 26 more: warning: column 0: recorded in")
+    assert "numbers or columns of their own" in many[0]
+    assert len(few) == 6

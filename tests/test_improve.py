@@ -55,7 +55,7 @@ def test_without_turning_mass_and_wheel_inertia_stay_open():
     channels = record_closed_loop(robot, motion, np.arange(3000) / 100, IDEAL, seed=0)
     log = Log("straight", robot.platform, **channels)
     parts = divide([log], [], robot)
-    base = _base(parts, refit(parts, robot, intervals=True)[0].model, 2.0)
+    base = _base(parts, refit(parts, robot, intervals=True)[0].model, 2.0, robot)
     found = {name for name, q in base.items() if q.se is not None}
     assert found == {"mu1", "mu2", "x1+x3"}
     truth = robot.parameters

@@ -19,6 +19,7 @@ from ident.doctor.hand import other_hand
 from ident.identification import identify
 from ident.kinematics import calibrate_kinematics
 from ident.log import Log
+from ident.report.outcome import Outcome
 from youbot_env.model_file import load_model
 from youbot_env.platform import youbot
 
@@ -275,6 +276,40 @@ def test_start_values_do_not_decide_what_a_log_sees(tmp_path):
     assert found.observability.rank == 7
     for name in ("x1+x3", "x6", "x7"):
         assert found.lumps[name].value == pytest.approx(usual.lumps[name].value, rel=0.01)
+
+
+def test_wheel_speeds_that_are_means_are_late_against_the_pose(tmp_path):
+    """A motor hub's speeds are means over 50 ms: half of that late, which the robot is not."""
+    frame = good_frame()
+    sums = np.cumsum(frame.select(V).to_numpy(), axis=0)
+    means = np.diff(sums, axis=0, prepend=0 * sums[:1])
+    means[5:] = (sums[5:] - sums[:-5]) / 5
+    late = frame.with_columns([pl.Series(name, means[:, k]) for k, name in enumerate(V)])
+    good, found = (identify(load(tmp_path, f)) for f in (frame, late))
+    (word,) = [one for one in found.recording if "later than the pose" in one.words]
+    assert word.value == pytest.approx(0.02, abs=0.006)  # half of 50 ms, less half a row
+    assert not [one for one in good.recording if "later than the pose" in one.words]
+    for name in ("x1+x3", "x2+x3", "x6", "x7"):
+        assert found.lumps[name].value == pytest.approx(good.lumps[name].value, rel=0.015)
+
+
+@pytest.mark.parametrize(("px", "py"), [(0.2, -0.1), (0.05, 0.05)])
+def test_a_sensor_off_the_centre_widens_the_intervals(tmp_path, px, py):
+    """No wheels beside it tell where it sits; the intervals say what that may have done."""
+    frame = with_body(good_frame()).drop(V)
+    right = identify(load(tmp_path, frame))
+    assert not right.unexplained.certain
+    moved = frame.with_columns(
+        pl.col(BODY[0]) - py * pl.col(BODY[2]), pl.col(BODY[1]) + px * pl.col(BODY[2])
+    )
+    found = identify(load(tmp_path, moved))
+    assert found.unexplained.certain
+    (doubt,) = [d for d in Outcome.of(found, found.prior).doubts if "widened" in d]
+    assert "run diagnose" in doubt
+    for name in ("x6", "x7"):
+        low, high = found.lumps[name].ci95
+        assert low < right.lumps[name].value < high
+        assert found.lumps[name].se < 0.4 * right.lumps[name].value
 
 
 # Names

@@ -8,6 +8,8 @@ import numpy as np
 
 from ident.diagnosis.parts import FIT, choosing_until, divide
 from ident.diagnosis.rivals import Refits
+from ident.disagreement import disagreements
+from ident.doctor.finding import Finding
 from ident.drive_clock import lead
 from ident.instruments import HOLD, OFFSET, SHIFT, stated
 from ident.log import Log
@@ -34,6 +36,17 @@ def recordings(logs: list[Log], tests: list[Log], model: Model) -> list[Recordin
     return [*found[: len(logs)], *last]
 
 
+def of_other_robots(logs: list[Log], tests: list[Log], model: Model) -> dict[str, Finding]:
+    """Logs to judge by that are not of the robot of the others, by name, with what differs.
+
+    Forces alone, by which logs without acceleration are judged, do not tell a load from a floor.
+    """
+    if not tests or any(log.window is not None for log in logs):
+        return {}
+    known = ([record.log for record in find_recordings(some, model)] for some in (logs, tests))
+    return disagreements(*known, model)
+
+
 def ready(record: Recording, model: Model, interval: float) -> Log:
     """A log for a fit: its instruments undone, and thinned to an interval, s, where it is denser.
 
@@ -47,7 +60,9 @@ def ready(record: Recording, model: Model, interval: float) -> Log:
     return replace(log, recording=undone | {HOLD: {"kind": float(HOLDS.index(HELD))}})
 
 
-def freed(fits: Refits, records: list[Recording], base: Model, tested: int) -> tuple[Refits, Model]:
+def freed(
+    fits: Refits, records: list[Recording], base: Model, tested: int, prior: Model
+) -> tuple[Refits, Model]:
     """Fits to all rows, in which the clocks of the fitted logs move with the robot.
 
     Args:
@@ -55,6 +70,8 @@ def freed(fits: Refits, records: list[Recording], base: Model, tested: int) -> t
         records: the logs.
         base: the model that the search began with.
         tested: how many logs, the last ones, are for choosing.
+        prior: what was known before any log; where the drive is a voltage that is nothing, as
+            parameters have another unit then.
 
     Returns:
         The fits, and the base for them.
@@ -67,7 +84,8 @@ def freed(fits: Refits, records: list[Recording], base: Model, tested: int) -> t
         fitted = part.windows(FIT).any()
         log = part.log if fitted else record.log
         chosen.append(replace(part, log=log, weights=coarse.weights, ends=end if fitted else {}))
-    return Refits(chosen), model
+    known = all(record.log.drive == "torque" for record in records)
+    return Refits(chosen, prior if known else None), model
 
 
 def told(records: list[Recording], fits: Refits, model: Model) -> tuple[Instrument, ...]:

@@ -99,6 +99,7 @@ def refit(
     steps: int = STEPS,
     intervals: bool = False,
     tolerance: float = TOLERANCE,
+    prior: Model | None = None,
 ) -> tuple[OutputError, tuple]:
     """Refine a model on the windows for fitting; also simulate the other logs with it.
 
@@ -118,6 +119,7 @@ def refit(
         tolerance=tolerance,
         intervals=intervals,
         ends=[part.ends for part in fitted],
+        prior=prior,
     )
     simulated = iter(refined.simulations)
     return refined, tuple(
@@ -177,10 +179,12 @@ class Refits:
 
     Args:
         parts: the logs.
+        prior: what is known before any log, to which directions that these hardly see are held
+            where intervals are wanted.
     """
 
-    def __init__(self, parts: list[Part]):
-        self.parts = parts
+    def __init__(self, parts: list[Part], prior: Model | None = None):
+        self.parts, self.prior = parts, prior
         self._known: dict[frozenset, tuple[OutputError, tuple]] = {}
 
     def of(self, model: Model) -> tuple[OutputError, tuple]:
@@ -202,7 +206,7 @@ class Refits:
         """The refined model with its covariance."""
         refined, key = self.of(model)[0], self._key(model)
         if refined.covariance is None:
-            self._known[key] = refit(self.parts, refined.model, intervals=True, tolerance=FINE)
+            self._known[key] = refit(self.parts, refined.model, PATIENT, True, FINE, self.prior)
         return self._known[key][0].model
 
     def _key(self, model: Model) -> frozenset:

@@ -15,7 +15,14 @@ from ident.diagnosis.forces import ForceShare, confirmations
 from ident.diagnosis.judge import inertia_is_seen, judged_by_force
 from ident.diagnosis.parts import divide, weigh
 from ident.diagnosis.power import Reach, reach
-from ident.diagnosis.records import freed, ready, recordings, told, with_unknown_hold
+from ident.diagnosis.records import (
+    freed,
+    of_other_robots,
+    ready,
+    recordings,
+    told,
+    with_unknown_hold,
+)
 from ident.diagnosis.rivals import refit
 from ident.diagnosis.rounds import REMAINDER, UNEXPLAINED, Round
 from ident.diagnosis.search import Search, search
@@ -23,7 +30,8 @@ from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, chain_of, with_steps
 from ident.diagnosis.trials import behind_gap, untried
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
-from ident.disagreement import of_the_same_robot
+from ident.disagreement import disagreements, may_judge, not_used
+from ident.doctor.finding import Finding
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
 from ident.observability import FAINT
@@ -63,6 +71,7 @@ class Diagnosis:
         forces: by effect, for every log the share of it that forces at the measured motion confirm,
             with its standard error, where they can.
         untried: effects that the logs cannot show, by name, with the reason and what to record.
+        differs: logs to judge by that are not of the robot of the fitted ones, by name.
     """
 
     log: str
@@ -82,6 +91,7 @@ class Diagnosis:
     recording: tuple[Instrument, ...] = ()
     forces: dict[str, list[ForceShare]] = field(default_factory=dict)
     untried: dict[str, str] = field(default_factory=dict)
+    differs: dict[str, Finding] = field(default_factory=dict)
 
     @property
     def named(self) -> tuple[Step, ...]:
@@ -160,18 +170,20 @@ def diagnose(
     if not inertia_is_seen(logs, model):
         logs, tests = ([judged_by_force(log) for log in some] for some in (logs, tests))
     tell("finding out how the logs were recorded")
+    differs = of_other_robots(logs, tests, model)
+    tests = [test for test in tests if may_judge(test, differs)]
     records = recordings(logs, tests, model)
-    records, apart = _of_one_robot(records, len(logs), model)
-    found, refined = _searched(records, model, len(records) - len(logs), seed, tell)
-    if found.steps:
+    found, refined = _searched(records, model, len(tests), seed, tell)
+    if found.steps and tests and all(log.window is None for log in logs):
         # An effect that was missing may have hidden that a log to judge by is of another robot.
         there = with_steps(refined.model, found.steps)
-        same, more = _of_one_robot(records, len(logs), there)
-        if more:
-            records, apart = same, apart + more
-            found, refined = _searched(records, model, len(records) - len(logs), seed, tell)
-    names = {record.log.name for record in records}
-    tests = [test for test in tests if test.name in names]
+        known = [record.log for record in records]
+        differs |= disagreements(known[: len(logs)], known[len(logs) :], there)
+        if not all(may_judge(test, differs) for test in tests):
+            tests = [test for test in tests if may_judge(test, differs)]
+            records = records[: len(logs)] + [r for r in records[len(logs) :]
+                                              if may_judge(r.log, differs)]  # fmt: skip
+            found, refined = _searched(records, model, len(tests), seed, tell)
     if found.steps and found.first.wheels_agree and not all(one.known for one in records):
         # What was found may tell more of a clock than the usual nuisances did; where that changes
         # it, what was found rests on a wrong one.  Rolling leaves too much for that.
@@ -183,7 +195,7 @@ def diagnose(
     first, now, outside = found.first, found.last, found.outside
     tell("measuring errors on untouched windows")
     steps = confirmed(found.fits, refined, found.steps, first.simulations[-1])
-    fits, start = freed(found.fits, records, refined.model, len(tests))
+    fits, start = freed(found.fits, records, refined.model, len(tests), model)
     chain = chain_of(fits, start, steps)
     last = chain[-1][1]
     simulation = fits.of(last)[1][-1]
@@ -199,7 +211,7 @@ def diagnose(
     return Diagnosis(
         log=name,
         verdict=verdict,
-        reason=reason + apart,
+        reason=reason + not_used(differs),
         steps=tuple(steps),
         model=replace(without_instruments(last), name="diagnosed"),
         base=without_instruments(chain[0][1]),
@@ -214,20 +226,8 @@ def diagnose(
         chain=tuple((name, without_instruments(model)) for name, model in chain),
         models=tuple(fits.models(model) for _, model in chain),
         forces=forces,
+        differs=differs,
     )
-
-
-def _of_one_robot(
-    records: list[Recording], fitted: int, model: Model
-) -> tuple[list[Recording], str]:
-    """Records less those to judge by that are of another robot than the fitted ones, and why."""
-    logs, tests = records[:fitted], records[fitted:]
-    if not tests or any(record.log.window is not None for record in logs):
-        return records, ""
-    seen = [ready(record, model, SEARCHED) for record in records]
-    kept, apart = of_the_same_robot(seen[:fitted], seen[fitted:], model)
-    names = {log.name for log in kept}
-    return [*logs, *(record for record in tests if record.log.name in names)], apart
 
 
 def _searched(

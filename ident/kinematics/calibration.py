@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ident.kinematics.drift import Drift, measure_drift
 from ident.kinematics.fit import Fit, fit
+from ident.kinematics.records import contradicting, one_record
 from ident.kinematics.ripple import Ripple, without_ripple
 from ident.kinematics.tables import GAINS, gain_table, mount_table, parameter_table
 from ident.kinematics.wheels import (
@@ -21,9 +23,10 @@ from ident.kinematics.wheels import (
     mean_odometry,
     steeper,
 )
-from ident.kinematics.windows import cut_windows, sparse
+from ident.kinematics.windows import Windows, cut_windows
 from ident.kinematics.words import remarks, undetermined_words
 from ident.log import Log
+from ident.pooling import as_list
 from ident.quantities import Quantity
 from youbot_env.model import Model
 from youbot_env.platform import Platform
@@ -57,6 +60,7 @@ class KinematicCalibration:
             phase of every roller (``followed``), on the log and on the held-out log (``test_``);
             all with the same mount.  None where there is no such odometry or log.
         fit: the estimate behind the numbers.
+        left_out: logs that were not used, by name, with the reason.
     """
 
     log: str
@@ -72,6 +76,7 @@ class KinematicCalibration:
     odometry: np.ndarray
     drifts: dict[str, Drift | None]
     fit: Fit
+    left_out: dict[str, str] = field(default_factory=dict)
 
     def effects(self) -> dict[str, dict[str, float]]:
         """The result as effects on the nominal platform, by identifier and flat name."""
@@ -128,6 +133,7 @@ class KinematicCalibration:
             **{k: {n: q.as_dict() for n, q in v.items()} for k, v in tables.items()},
             "undetermined": list(self.undetermined),
             "remarks": list(self.remarks),
+            "left_out": self.left_out,
             "sufficient": {
                 "p_value": surplus.p_value,
                 "largest_missing": surplus.size,
@@ -143,21 +149,22 @@ class KinematicCalibration:
 
 
 def calibrate_kinematics(
-    log: Log,
+    log: Log | Sequence[Log],
     platform: Platform | None = None,
-    test: Log | None = None,
+    test: Log | Sequence[Log] | None = None,
     finite_rollers: bool | None = None,
     window: float = WINDOW,
 ) -> KinematicCalibration:
-    """Estimate radii, base, roller angle, mount and delay of the pose sensor from one log.
+    """Estimate radii, base, roller angle, mount and delay of the pose sensor from logs.
 
     Odometry over short windows is fitted to the measured pose, each window with a start of its own;
     where there are more than three wheels, what they say against each other counts as well.
 
     Args:
-        log: with wheel speeds and a pose that was not computed from them.
+        log: with wheel speeds and a pose that was not computed from them; of several, each may
+            have a pose frame of its own, and one that is of no use is left out.
         platform: nominal wheel table; the log's if left.
-        test: log that is only used to measure the drift.
+        test: logs that are only used to measure the drift.
         finite_rollers: take the ripple of finite rollers out of the wheel speeds first; where it is
             seen, if left.  Without, values are those of the ideal rollers that come nearest.
         window: length of a window, s.
@@ -169,19 +176,11 @@ def calibrate_kinematics(
     Warns:
         UserWarning: this motion leaves values undetermined.
     """
-    platform = platform or log.platform
-    if platform.wheel_names != log.platform.wheel_names:
-        raise ValueError(
-            f"log {log.name!r} has wheels {log.platform.wheel_names}, the platform "
-            f"{platform.name!r} has {platform.wheel_names}; give the platform of the log"
-        )
-    log = sparse(log)
-    ideal, ripple = without_ripple(log, platform)
-    seen = ripple is not None and ripple.seen
-    if finite_rollers and not seen:
-        raise ValueError(f"log {log.name!r} shows no ripple of finite rollers to take out")
-    finite = seen and finite_rollers is not False
-    estimate = fit(cut_windows(ideal if finite else log, window), platform)
+    given, tests = as_list(log), as_list(test)
+    platform = platform or given[0].platform
+    log, left = one_record(given, platform, window)
+    estimate, log, ripple, finite, contrary = _agreeing(log, platform, finite_rollers, window)
+    left |= contrary
     undetermined = undetermined_words(estimate, log, platform)
     if undetermined:
         warnings.warn(f"log {log.name!r}: " + "; ".join(undetermined), stacklevel=2)
@@ -194,8 +193,11 @@ def calibrate_kinematics(
     measured = np.array([gains[axis].value for axis in GAINS])
     matrices = (odometry, estimate.rolling.odometry if finite else None)
     drifts = _drifts(log, platform, matrices, estimate.mount)
-    if test is not None:
-        judged = _drifts(sparse(test), platform, matrices, estimate.mount)
+    test = None
+    if tests:
+        test, unused = one_record(tests, platform, window)
+        left |= unused
+        judged = _drifts(test, platform, matrices, estimate.mount)
         drifts |= {f"test_{name}": drift for name, drift in judged.items()}
     return KinematicCalibration(
         log.name,
@@ -211,7 +213,47 @@ def calibrate_kinematics(
         odometry,
         dict.fromkeys(DRIFTS) | drifts,
         estimate,
+        left,
     )
+
+
+def _agreeing(
+    log: Log, platform: Platform, finite_rollers: bool | None, window: float
+) -> tuple[Fit, Log, Ripple | None, bool, dict[str, str]]:
+    """The fit to those runs of a record that belong together, and why the others do not.
+
+    One whose pose is wrong bends the fit to all, so that each is tried by itself where that fails.
+    """
+    left: dict[str, str] = {}
+    while True:
+        ideal, ripple = without_ripple(log, platform)
+        seen = ripple is not None and ripple.seen
+        if finite_rollers and not seen:
+            raise ValueError(f"log {log.name!r} shows no ripple of finite rollers to take out")
+        finite = seen and finite_rollers is not False
+        windows = cut_windows(ideal if finite else log, window)
+        try:
+            estimate = fit(windows, platform)
+            found = contradicting(windows, estimate, log) if len(log.runs) > 1 else {}
+        except ValueError:
+            found = _failing(windows, platform, log) if len(log.runs) > 1 else {}
+            if not found or len(found) == len(log.runs):
+                raise
+        if not found or len(found) == len(log.runs):
+            return estimate, log, ripple, finite, left
+        left |= found
+        log = log.without_runs(set(found))
+
+
+def _failing(windows: Windows, platform: Platform, log: Log) -> dict[str, str]:
+    """Runs that cannot be calibrated by themselves, by name, with the reason."""
+    found = {}
+    for number in np.unique(windows.run):
+        try:
+            fit(windows.of_run(number), platform)
+        except ValueError as error:
+            found[log.run_name(number)] = str(error)
+    return found
 
 
 def _drifts(

@@ -10,6 +10,7 @@ import numpy as np
 from ident.estimators import CLUSTERS
 from ident.kinematics.wheels import rolling
 from ident.kinematics.windows import MOUNT, Windows
+from ident.pooling import MANY_RUNS
 from youbot_env.platform import Platform
 
 # What could plausibly be: radii and base 5 %, roller angle 3 degrees; offsets 0.2 m and 12
@@ -47,7 +48,7 @@ class Normal:
 
         weight = fresh / (np.array([place, place, yaw]) + ROUNDING) ** 2
         design = _project(design, nuisance, weight)
-        groups = np.array_split(np.arange(len(speed)), min(CLUSTERS, len(speed)))
+        groups = _independent(windows)
         self._pose = _by_group(_gram(design, design * weight[..., None]), groups)
         self._score = _by_group(np.einsum("wkab,wka->wb", design, residual * weight), groups)
         self._speed = None
@@ -82,6 +83,15 @@ class Normal:
             information = information + np.einsum("gpaj,qaj->gpq", seen, parts)
             score = score - np.einsum("gpaj,aj->gp", seen, slopes.contradiction)
         return information * unit[:, None] * unit, score * unit
+
+
+def _independent(windows: Windows) -> list[np.ndarray]:
+    """Windows of each cluster: stretches of time, of many logs each one."""
+    number = np.arange(len(windows.run))
+    runs, begin = np.unique(windows.run, return_index=True)
+    if len(runs) >= MANY_RUNS:
+        return np.split(number, begin[1:])
+    return np.array_split(number, min(CLUSTERS, len(number)))
 
 
 def _gram(left: np.ndarray, right: np.ndarray) -> np.ndarray:

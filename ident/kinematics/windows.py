@@ -88,7 +88,8 @@ class Windows:
     Attributes:
         time: (W, K) s; pose: (W, K, 3) m, m, rad.
         fresh: (W, K) whether the pose is new, not the last one held.
-        piece: (W,) number of the contiguous piece.
+        piece: (W,) number of the contiguous piece, ascending.
+        run: (W,) number of the log, of several that were joined.
         source: time and wheel speeds of each piece.
     """
 
@@ -96,17 +97,28 @@ class Windows:
     pose: np.ndarray
     fresh: np.ndarray
     piece: np.ndarray
+    run: np.ndarray
     source: tuple[tuple[np.ndarray, np.ndarray], ...]
 
     def speed(self, delay: float) -> np.ndarray:
         """(W, K, n) wheel speeds ``delay`` seconds before each pose's time stamp, rad/s."""
         speed = np.empty((*self.time.shape, self.source[0][1].shape[1]))
+        ends = np.searchsorted(self.piece, np.arange(len(self.source) + 1))
         for number, (time, measured) in enumerate(self.source):
-            here = self.piece == number
+            here = slice(ends[number], ends[number + 1])
             late = self.time[here] - delay
             for wheel in range(measured.shape[1]):
                 speed[here, :, wheel] = np.interp(late, time, measured[:, wheel])
         return speed
+
+    def of_run(self, number: int) -> Windows:
+        """The windows of one log."""
+        here = np.flatnonzero(self.run == number)
+        first, last = self.piece[here[0]], self.piece[here[-1]]
+        return Windows(
+            self.time[here], self.pose[here], self.fresh[here], self.piece[here] - first,
+            self.run[here], self.source[first : last + 1],
+        )  # fmt: skip
 
     def residual(self, odometry: np.ndarray, mount: np.ndarray, slopes: bool = True):
         """Measured pose less odometry at a mount, in the frame of each window's start.
@@ -169,7 +181,7 @@ def cut_windows(log: Log, seconds: float | None) -> Windows:
     Raises:
         ValueError: wheel speeds or pose are missing, or no contiguous piece is long enough.
     """
-    _require_channels(log)
+    require_channels(log)
     pieces, index, numbers, begin = log.pieces(), [], [], 0
     longest = max(piece.duration for piece in pieces)
     for number, piece in enumerate(pieces):
@@ -194,7 +206,8 @@ def cut_windows(log: Log, seconds: float | None) -> Windows:
     fresh = changed[rows]
     fresh[fresh.sum(axis=1) < 3] = True  # at rest without noise a pose may well stay the same
     source = tuple((piece.time, piece.wheel_velocity) for piece in pieces)
-    return Windows(log.time[rows], pose[rows], fresh, np.array(numbers), source)
+    runs = log.run_of(log.time[rows[:, 0]])
+    return Windows(log.time[rows], pose[rows], fresh, np.array(numbers), runs, source)
 
 
 def sparse(log: Log) -> Log:
@@ -203,11 +216,16 @@ def sparse(log: Log) -> Log:
     Raises:
         ValueError: a channel that is needed is missing.
     """
-    _require_channels(log)
+    require_channels(log)
     return log if log.dt > DENSE else thinned(log, THINNED)
 
 
-def _require_channels(log: Log) -> None:
+def require_channels(log: Log) -> None:
+    """Refuse a log without wheel speeds or an independent pose.
+
+    Raises:
+        ValueError: says which is missing.
+    """
     if log.wheel_velocity is None:
         raise ValueError(
             f"log {log.name!r} has no wheel speeds (wheel_velocity_*); kinematic calibration "

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from ident.log import Log
 from ident.recording_words import in_words
 from ident.report import forces, motion
 from ident.report.estimates import correlation_figure, track_figure
@@ -34,8 +37,14 @@ LUMP_MEANING = {
 }
 
 
-def identification_page(outcome: Outcome, provenance: dict[str, str]) -> Page:
-    """Draw everything and put the page together; nothing is written."""
+def identification_page(outcome: Outcome, provenance: dict[str, str], logs: Sequence[Log]) -> Page:
+    """Draw everything and put the page together; nothing is written.
+
+    Args:
+        outcome: what was found.
+        provenance: how the result came about, as name and text.
+        logs: all that were given, with their findings.
+    """
     result, label = outcome.result, outcome.label
     samples = sum(len(log.time) for log in result.logs)
     seconds = sum(log.duration for log in result.logs)
@@ -71,7 +80,7 @@ def identification_page(outcome: Outcome, provenance: dict[str, str]) -> Page:
             _trust(outcome),
             _estimators(outcome),
             _forces(outcome),
-            _log(outcome),
+            _log(outcome, logs),
         ],
         provenance,
     )
@@ -201,9 +210,8 @@ def _forces(outcome: Outcome) -> Section:
     return Section("Forces predicted and measured", blocks)
 
 
-def _log(outcome: Outcome) -> Section:
-    logs = [*outcome.result.logs, *outcome.result.tests]
-    first = logs[0]
+def _log(outcome: Outcome, logs: Sequence[Log]) -> Section:
+    first = outcome.result.logs[0]
     png = motion.log_figure(first)
     caption = (
         f"{first.name}: {len(first.time)} samples, {first.duration:.0f} s at {1 / first.dt:.0f} Hz."

@@ -11,10 +11,9 @@ from ident.diagnosis.judge import inertia_is_seen
 from ident.free_run import FreeRun, free_run
 from ident.identification import Identification, equation_error
 from ident.log import Log
-from ident.noise_floor import velocity_floor
 from ident.quantities import Quantity, listed_names
 from ident.regression import Regression, build_regression
-from ident.sensitivity import Linearised
+from ident.unexplained import Unexplained
 from youbot_env.model import Model
 from youbot_env.parameters import MEANING, UNITS
 
@@ -22,9 +21,6 @@ AXES = (("V_X", "m/s"), ("V_Y", "m/s"), ("Omega", "rad/s"))
 SURELY_BIASED = 0.01  # p value
 # Free-run errors that differ by less are equal for a log of a minute.
 TOLERANCE = 1.05
-# Squared free-run error beyond noise and rolling, in units of these, that is worth a doubt; a robot
-# of which nothing is missing stays below 1.
-UNEXPLAINED = 3.0
 
 
 @dataclass(frozen=True)
@@ -61,8 +57,11 @@ class Outcome:
             forces = tuple(
                 float(equation_error(row, m)[3]) for row, m in zip(rows, models, strict=True)
             )
-        spread = np.maximum(after.measured.std(axis=0), 1e-9)
-        floor = math.hypot(*velocity_floor(Linearised.of(logs[0], result.model), spread))
+        left = result.unexplained
+        wide = left is not None and left.certain
+        # What widens the intervals is no noise.
+        model = replace(result.model, covariance=None) if wide else result.model
+        floor = Unexplained.of(logs, model, after).floor
         return cls(result, before, logs, free_run(logs, before), after, floor, forces)
 
     @property
@@ -94,11 +93,19 @@ class Outcome:
     @property
     def doubts(self) -> list[str]:
         """What is odd about the result, and what its intervals do not hold."""
+        left, found = self.result.unexplained, self.result.doubts
+        if left is not None and left.certain:
+            return [
+                *found,
+                "the model lacks something, and the intervals are widened by what that may have "
+                f"done to the values (free-run error of the fit {percent(left.error)} where noise "
+                f"and rolling leave {percent(left.floor)}): run diagnose",
+            ]
         error = self.after_run.nrmse
-        if self.forces or error**2 <= (1.0 + UNEXPLAINED) * self.floor**2:
-            return self.result.doubts
+        if self.forces or not Unexplained(error, self.floor).certain:
+            return found
         return [
-            *self.result.doubts,
+            *found,
             f"the intervals do not hold what the model leaves unexplained ({percent(error)} where "
             f"noise and rolling leave {percent(self.floor)}, {self.judged_on}): run diagnose",
         ]
