@@ -57,6 +57,7 @@ def benchmark(
     ] = False,
     seed: console.Seed = 0,
     json_file: console.Json = None,
+    force: console.Force = False,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the page with tables and figures.")
     ] = None,
@@ -71,7 +72,8 @@ def benchmark(
         console.out.print("\n".join(case.id for case in chosen))
         return
     page = None if report is None else report / "index.html"
-    console.check_writable(json_file, page, results)
+    console.check_writable(json_file, page, results)  # finished cases are added to the last
+    console.check_results(json_file, page, force=force)
     tasks: list[Task] = [("diagnosis", case) for case in chosen]
     if baselines:
         require_baselines()

@@ -76,12 +76,13 @@ def benchmark(
     ] = None,
     seed: console.Seed = 0,
     json: console.Json = None,
+    force: console.Force = False,
 ) -> None:
     """Measure coverage, bias and speed of identification on simulated robots.
 
     Every --rate is run with every --hold and every --offset.
     """
-    console.check_writable(json)
+    console.check_results(json, force=force)
     cases = chosen_cases(rate, hold, offset)
     result = {"cases": {}, "robots": robots, "seconds": seconds}
     total = robots * len(cases)

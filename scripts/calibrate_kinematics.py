@@ -48,6 +48,7 @@ def main(
         typer.Option(metavar="FILE", help="Write --model with the calibrated kinematics, YAML."),
     ] = None,
     json_file: console.Json = None,
+    force: console.Force = False,
     *,
     options: LogOptions,
 ) -> None:
@@ -56,7 +57,7 @@ def main(
     The pose must be measured independently of the wheels (motion capture, lidar). Nothing in it is
     random: equal logs give equal results.
     """
-    console.check_writable(out, json_file)
+    console.check_results(out, json_file, force=force)
     if log is None:
         log, test = FIT, test or TEST
     before = load_model(model)

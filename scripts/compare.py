@@ -53,6 +53,7 @@ def main(
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
     json_file: console.Json = None,
+    force: console.Force = False,
     effects: given_effects.EffectsFile = None,
     seed: console.Seed = 0,
     *,
@@ -64,7 +65,8 @@ def main(
     the filtered equations of motion leave of the measured forces.
     """
     given_effects.load_effects(effects)
-    console.check_writable(json_file, None if report is None else report / "index.html")
+    page_file = None if report is None else report / "index.html"
+    console.check_results(json_file, page_file, force=force)
     models = read_models(model or DEFAULT)
     records, _ = options.read(models[0], logs or [TEST])
     models = options.used_models(models, records)

@@ -55,6 +55,7 @@ def design(
         Path, typer.Option("--out", metavar="FILE", help="The motion, YAML.")
     ] = Path("runs/motion.yaml"),
     json_file: console.Json = None,
+    force: console.Force = False,
 ) -> None:
     """Design the motion that tells most about what one wants to know.
 
@@ -65,7 +66,7 @@ def design(
     given_effects.load_effects(effects)
     if motion_file.suffix.lower() not in (".yaml", ".yml"):
         raise ValueError(f"--out {motion_file}: motions are written as YAML; end the name in .yaml")
-    console.check_writable(motion_file, json_file)
+    console.check_results(motion_file, json_file, force=force)
     if runs < 0 or 0 < runs < 3:
         raise ValueError(f"--runs {runs}: give 0 for none, or 3 or more")
     limits = Limits(speed, yaw_rate, acceleration, yaw_acceleration, torque)

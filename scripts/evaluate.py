@@ -60,6 +60,7 @@ def evaluate(
     ] = 0,
     seed: console.Seed = 0,
     json_file: console.Json = None,
+    force: console.Force = False,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the page, its figures and films.")
     ] = None,
@@ -73,7 +74,7 @@ def evaluate(
     with --controller, --reference or --frequency all combinations.
     """
     page_file = None if report is None else report / "index.html"
-    console.check_writable(json_file, page_file)
+    console.check_results(json_file, page_file, force=force)
     given_effects.load_effects(effects)
     blocks, skipped = chosen(controller, reference, frequency, plant)
     hidden = sizes(given_effects.parse_effects(effect)) if effect else HIDDEN

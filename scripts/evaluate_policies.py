@@ -44,6 +44,7 @@ def evaluate(
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
     seed: Annotated[int, typer.Option(min=0, help="The first of the seeds.")] = FIRST_SEED,
     json_file: console.Json = None,
+    force: console.Force = False,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the page with its figures.")
     ] = None,
@@ -56,7 +57,8 @@ def evaluate(
     beat the kinematic controller on every motion.
     """
     given_effects.load_effects(effects)
-    console.check_writable(json_file, None if report is None else report / "index.html")
+    page_file = None if report is None else report / "index.html"
+    console.check_results(json_file, page_file, force=force)
     names = policy or shipped_policies()
     if not names:
         raise ValueError("no policy given and none shipped; train one: python scripts/train.py")

@@ -87,6 +87,7 @@ def main(
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
     json_file: console.Json = None,
+    force: console.Force = False,
     seed: console.Seed = 0,
     *,
     options: LogOptions,
@@ -97,7 +98,7 @@ def main(
     """
     page_file = None if report is None else report / "index.html"
     draws_file = out.with_suffix(".posterior.csv") if posterior else None
-    console.check_writable(out, json_file, page_file, draws_file)
+    console.check_results(out, json_file, page_file, draws_file, force=force)
     if not logs:
         logs, test = [FIT], test or [TEST]
     given_effects.load_effects(effects)

@@ -200,7 +200,8 @@ def save_model(model: Model, path: str | os.PathLike) -> None:
 def write_atomically(path: str | os.PathLike, content: str | bytes) -> Path:
     """Write to a temporary file beside ``path``, rename it into place, and return the path.
 
-    A link stays a link: the file that it leads to is replaced.
+    The content is on the disk before the name is, so that a power cut leaves the old file or the
+    new one.  A link stays a link: the file that it leads to is replaced.
     """
     path = Path(path)
     target = path.resolve() if path.is_symlink() else path
@@ -210,6 +211,8 @@ def write_atomically(path: str | os.PathLike, content: str | bytes) -> Path:
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
         os.chmod(temporary, 0o644)
         os.replace(temporary, target)
     except BaseException:

@@ -50,8 +50,12 @@ def read_yaml(path: Path) -> object:
             a number without measure; says in which line where it can.
         UnicodeDecodeError: the file is not text.
     """
+    text = path.read_text(encoding="utf-8")
     # A SafeLoader underneath: files of others cannot run code.
     try:
-        return yaml.load(path.read_text(encoding="utf-8"), _Loader)
+        return yaml.load(text, _Loader)
     except RecursionError as error:
         raise yaml.YAMLError("it is nested too deeply; write it with fewer levels") from error
+    # PyYAML's constructors of dates, sets and the like fail in their own ways over wrong values.
+    except (AttributeError, TypeError, ValueError, LookupError, ArithmeticError) as error:
+        raise yaml.YAMLError(f"a value is not what its tag or form says ({error})") from error
