@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from youbot_env.arguments import check_kind
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model import Model
 
@@ -69,6 +70,8 @@ class Controller:
     Settings: ClassVar[type[Settings]] = Settings
 
     def __init__(self, model: Model, settings: Settings):
+        check_kind("model", model, Model, "a Model, as load_model returns it")
+        check_kind("settings", settings, Settings, "the controller's Settings")
         self.settings = settings
         shared = {field.name: getattr(settings, field.name) for field in fields(Settings)}
         self.task = TrackingTask(model.platform, self.action_level, **shared)

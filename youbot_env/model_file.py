@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from youbot_env.arguments import check_kind
 from youbot_env.model import Model
 from youbot_env.parameters import UNITS, ImpossibleParameters, Parameters
 from youbot_env.platform import PLATFORMS, Platform, Wheel
@@ -35,11 +36,13 @@ def load_model(source: str | os.PathLike | Model) -> Model:
             model, which is returned as it is.
 
     Raises:
+        TypeError: none of these.
         ModelFileError: unreadable file, malformed YAML, unknown or missing entries.
         ImpossibleParameters: values that no robot can have.
     """
     if isinstance(source, Model):
         return source
+    check_kind("model", source, (str, os.PathLike), "a model, the path of its file or a name")
     path = find_model(source)
     try:
         data = read_yaml(path)

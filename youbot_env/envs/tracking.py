@@ -76,7 +76,7 @@ class TrackingEnv(gym.Env):
             **settings: fields of ``TrackingSettings``.
 
         Raises:
-            TypeError: an unknown argument.
+            TypeError: an unknown argument, or one of a wrong type.
             ValueError: an argument that cannot be used; the message names value and remedy.
         """
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
@@ -147,6 +147,11 @@ class TrackingEnv(gym.Env):
         t = self._steps * self.task.dt
         self._look.action[:] = action
         observation, reward, lost = self._see(t)
+        if reward != reward:
+            raise FloatingPointError(
+                f"the simulation left the finite numbers before t = {t:.3f} s; reset() when an "
+                f"episode has ended, or use a torque_limit below {self.task.torque_limit:g} N m"
+            )
         if self.render_mode == "human":
             self.render()
         return observation, reward, lost, t >= self._end - self.task.dt / 2, self._info()
@@ -214,6 +219,10 @@ class TrackingEnv(gym.Env):
             pose, wanted.copy(), np.array(self._trail), self._path,
             np.array(self._torque), self.task.torque_limit, caption,
         )  # fmt: skip
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the window: a copy or a pickle goes on bit by bit, and opens one of its own."""
+        return self.__dict__ | {"_view": None}
 
     def close(self) -> None:
         """Close the window."""
