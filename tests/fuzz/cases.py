@@ -91,7 +91,8 @@ def _read(original: Original, path: Path) -> tuple[str, str]:
     except (ValueError, OSError) as error:
         if not _ours(error):
             return "traceback", traceback.format_exc()
-        return ("refused" if path.stem in str(error) else "nameless"), str(error)
+        named = path.name in str(error) or f"{path.stem}." in str(error)  # or its other file
+        return ("refused" if named else "nameless"), str(error)
     except BaseException:
         return "traceback", traceback.format_exc()
     if told - original.told:

@@ -176,7 +176,7 @@ def _completed(original: Original, folder: Path) -> Original:
 def _tables(folder: Path) -> list[Original]:
     frame = good_frame()[1000 : 1000 + ROWS]
     plain = frame.write_csv(float_precision=6).encode()
-    log = _loaded(folder / "log.csv", plain)
+    log = _loaded(folder / "mine.csv", plain)
     said = remember(log, "by hand") | {"recording": "drive_hold=sampled"}
     head = "".join(f"# {name}: {text}\n" for name, text in said.items()).encode()
     stream = io.BytesIO()
@@ -195,10 +195,10 @@ def _tables(folder: Path) -> list[Original]:
     ftc = pl.DataFrame(duty).write_csv(float_precision=6).encode()
     text = {**BYTES, **TABLE}
     table = [("CSV", head + plain), ("CSV with units", units), ("FTC telemetry", ftc)]
-    made = [Original(kind, {"log.csv": data}, "log.csv", read_log, {"log.csv": text})
+    made = [Original(kind, {"mine.csv": data}, "mine.csv", read_log, {"mine.csv": text})
             for kind, data in table]  # fmt: skip
-    parquet = {"log.parquet": {**BYTES, **FRAME}}
-    return [*made, Original("Parquet", {"log.parquet": stream.getvalue()}, "log.parquet", read_log,
+    parquet = {"mine.parquet": {**BYTES, **FRAME}}
+    return [*made, Original("Parquet", {"mine.parquet": stream.getvalue()}, "mine.parquet", read_log,
                             parquet)]  # fmt: skip
 
 
@@ -250,11 +250,11 @@ def _descriptions() -> list[Original]:
         return repr(read_platform(str(path))), set()
 
     return [
-        Original("model", {"m.yaml": model}, "m.yaml", read_model, {"m.yaml": text}),
-        Original("model", {"m.yaml": with_effects}, "m.yaml", read_model, {"m.yaml": text}),
-        Original("motion", {"m.yaml": motion}, "m.yaml", read_motion, {"m.yaml": text}),
-        Original("platform and map", {"p.yaml": PLATFORM.encode()}, "p.yaml", platform,
-                 {"p.yaml": text}),
+        Original("model", {"mine.yaml": model}, "mine.yaml", read_model, {"mine.yaml": text}),
+        Original("model", {"mine.yaml": with_effects}, "mine.yaml", read_model, {"mine.yaml": text}),
+        Original("motion", {"mine.yaml": motion}, "mine.yaml", read_motion, {"mine.yaml": text}),
+        Original("platform and map", {"mine.yaml": PLATFORM.encode()}, "mine.yaml", platform,
+                 {"mine.yaml": text}),
     ]  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import resource
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from fuzz.cases import Case, draw, judge
@@ -18,12 +18,21 @@ ROOM = 6 << 30
 START = 120.0  # s, for imports and good files
 
 
-def run(seed: int, indices: Sequence[int]) -> Iterator[Case]:
-    """Run cases, in order; a hang ends after ``HANG`` s."""
+def run(
+    seed: int, indices: Sequence[int], serve: Callable | None = None, hang: float = HANG
+) -> Iterator[Case]:
+    """Run cases, in order.
+
+    Args:
+        seed: of the cases.
+        indices: their numbers.
+        serve: what the process does, as ``_serve``.
+        hang: time after which a case is ended, s.
+    """
     context, left = multiprocessing.get_context("spawn"), list(indices)
     while left:
         ours, theirs = context.Pipe()
-        worker = context.Process(target=_serve, args=(theirs, seed, left), daemon=True)
+        worker = context.Process(target=serve or _serve, args=(theirs, seed, left), daemon=True)
         worker.start()
         theirs.close()
         try:
@@ -32,7 +41,7 @@ def run(seed: int, indices: Sequence[int]) -> Iterator[Case]:
             while left:
                 outcome = "hang"
                 try:
-                    case = ours.recv() if ours.poll(HANG) else None
+                    case = ours.recv() if ours.poll(hang) else None
                 except EOFError:
                     case, outcome = None, "died"
                 yield case or Case(left[0], *_what(seed, left[0]), outcome)
