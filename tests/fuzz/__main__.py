@@ -13,7 +13,8 @@ from pathlib import Path
 
 from fuzz.cases import FAULTS, OUTCOMES, Case, draw, judge
 from fuzz.originals import lay_out, originals
-from fuzz.watch import run
+from fuzz.silent import RIGHT, WRONG, serve_silent
+from fuzz.watch import HANG, run
 
 
 def main() -> int:
@@ -23,14 +24,18 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--replay", type=int, metavar="INDEX", help="one case, in this process")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="with --replay: its files")
+    parser.add_argument("--silent", action="store_true", help="identify logs that changed untold")
     parser.add_argument("--json", type=Path, metavar="FILE", help="every case, a line each")
     chosen = parser.parse_args()
     if chosen.replay is not None:
         return replay(chosen.seed, chosen.replay, chosen.keep)
     began, cases = time.perf_counter(), []
-    for case in run(chosen.seed, range(chosen.first, chosen.first + chosen.cases)):
+    serve, faults = (serve_silent, (*FAULTS, WRONG)) if chosen.silent else (None, FAULTS)
+    # Identification takes seconds.
+    hang = 6 * HANG if chosen.silent else HANG
+    for case in run(chosen.seed, range(chosen.first, chosen.first + chosen.cases), serve, hang):
         cases.append(case)
-        if case.outcome in FAULTS:
+        if case.outcome in faults:
             print(f"\n{case.outcome}: --seed {chosen.seed} --replay {case.index}\n"
                   f"{case.kind}, {case.spoiled}\n{case.detail[-1500:]}", flush=True)  # fmt: skip
         if sys.stderr.isatty():
@@ -41,13 +46,15 @@ def main() -> int:
     print(table(cases))
     seconds = time.perf_counter() - began
     print(f"seed {chosen.seed}, {len(cases)} cases from {chosen.first} on, {seconds:.0f} s")
-    return int(any(case.outcome in FAULTS for case in cases))
+    return int(any(case.outcome in faults for case in cases))
 
 
 def table(cases: list[Case]) -> str:
     """Counts by kind and outcome, as Markdown."""
     counts = Counter((case.kind, case.outcome) for case in cases)
     heads = [*OUTCOMES, *FAULTS]
+    if any(case.outcome in (RIGHT, WRONG) for case in cases):
+        heads = [*OUTCOMES[:3], RIGHT, WRONG, *FAULTS]
     lines = [f"| file | cases | {' | '.join(heads)} |", "|---|" + "---|" * (len(heads) + 1)]
     for kind in [*dict.fromkeys(sorted(case.kind for case in cases)), "all"]:
         row = [sum(n for (k, o), n in counts.items() if o == outcome and kind in (k, "all"))

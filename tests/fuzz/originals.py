@@ -154,7 +154,7 @@ def originals(folder: Path) -> list[Original]:
     found = [*_tables(folder), *_bags(folder), *_descriptions(), *_policies()]
     if find_spec("stable_baselines3"):
         found.append(_checkpoint(folder))
-    return [_completed(one, folder / f"good{k}") for k, one in enumerate(found)]
+    return [complete(one, folder / f"good{k}") for k, one in enumerate(found)]
 
 
 def lay_out(files: dict[str, bytes], folder: Path) -> None:
@@ -165,7 +165,8 @@ def lay_out(files: dict[str, bytes], folder: Path) -> None:
         path.write_bytes(data)
 
 
-def _completed(original: Original, folder: Path) -> Original:
+def complete(original: Original, folder: Path) -> Original:
+    """The original with what reading it gives."""
     lay_out(original.files, folder)
     content, told = original.read(folder / original.entry)
     shutil.rmtree(folder)
@@ -197,9 +198,9 @@ def _tables(folder: Path) -> list[Original]:
     table = [("CSV", head + plain), ("CSV with units", units), ("FTC telemetry", ftc)]
     made = [Original(kind, {"mine.csv": data}, "mine.csv", read_log, {"mine.csv": text})
             for kind, data in table]  # fmt: skip
-    parquet = {"mine.parquet": {**BYTES, **FRAME}}
-    return [*made, Original("Parquet", {"mine.parquet": stream.getvalue()}, "mine.parquet", read_log,
-                            parquet)]  # fmt: skip
+    name, ways = "mine.parquet", {**BYTES, **FRAME}
+    packed = Original("Parquet", {name: stream.getvalue()}, name, read_log, {name: ways})
+    return [*made, packed]
 
 
 def _loaded(path: Path, data: bytes) -> Log:
@@ -249,13 +250,16 @@ def _descriptions() -> list[Original]:
     def platform(path: Path) -> tuple[Any, set[str]]:
         return repr(read_platform(str(path))), set()
 
+    kinds = [
+        ("model", model, read_model),
+        ("model", with_effects, read_model),
+        ("motion", motion, read_motion),
+        ("platform and map", PLATFORM.encode(), platform),
+    ]
     return [
-        Original("model", {"mine.yaml": model}, "mine.yaml", read_model, {"mine.yaml": text}),
-        Original("model", {"mine.yaml": with_effects}, "mine.yaml", read_model, {"mine.yaml": text}),
-        Original("motion", {"mine.yaml": motion}, "mine.yaml", read_motion, {"mine.yaml": text}),
-        Original("platform and map", {"mine.yaml": PLATFORM.encode()}, "mine.yaml", platform,
-                 {"mine.yaml": text}),
-    ]  # fmt: skip
+        Original(kind, {"mine.yaml": data}, "mine.yaml", read, {"mine.yaml": text})
+        for kind, data, read in kinds
+    ]
 
 
 def _policies() -> list[Original]:
