@@ -189,9 +189,17 @@ def platform_to_dict(platform: Platform) -> dict:
     data = asdict(platform)
     for wheel in data["wheels"]:
         for name in DEGREES:
-            wheel[f"{name}_deg"] = round(math.degrees(wheel.pop(name)), 9)
+            wheel[f"{name}_deg"] = _degrees(wheel.pop(name))
     data["wheels"] = list(data["wheels"])
     return data
+
+
+def _degrees(angle: float) -> float:
+    """Degrees that turn back into exactly this angle, rad: the roundest near it that do."""
+    exact = math.degrees(angle)
+    near = (math.nextafter(exact, side) for side in (-math.inf, math.inf))
+    candidates = (*(round(exact, digits) for digits in (9, 12)), exact, *near)
+    return next((d for d in candidates if math.radians(d) == angle), exact)
 
 
 def save_model(model: Model, path: str | os.PathLike) -> None:

@@ -120,9 +120,9 @@ def motion_text(motion: Fourier) -> str:
     }  # fmt: skip
     lines.append(yaml.safe_dump(head, sort_keys=False).rstrip())
     for axis, amplitudes, phases in zip(AXES, motion.amplitudes, motion.phases, strict=True):
-        lines.append(f"{axis}:")
+        lines.append(f"{axis}:" if amplitudes else f"{axis}: []")
         pairs = zip(amplitudes, phases, strict=True)
-        lines += [f"  - [{float(a):.9g}, {float(p):.9g}]" for a, p in pairs]
+        lines += [f"  - [{float(a)!r}, {float(p)!r}]" for a, p in pairs]
     if motion.about:
         about = yaml.safe_dump({"about": motion.about}, sort_keys=False, allow_unicode=True)
         lines.append(about.rstrip())
