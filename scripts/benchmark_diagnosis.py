@@ -42,7 +42,7 @@ def benchmark(
         bool,
         typer.Option("--baselines", help="Also PySINDy and SysIdentPy on some of the logs."),
     ] = False,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes, one thread each.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, max=1024, help="Processes, one thread each.")] = 1,
     resume: Annotated[
         bool, typer.Option(help="Go on where an earlier run of the same code stopped.")
     ] = True,

@@ -62,7 +62,7 @@ METHODS = ("instrumental variables", "least squares", "ordinary least squares")
 
 
 def benchmark(
-    robots: Annotated[int, typer.Option(min=2, help="Robots of each case.")] = 200,
+    robots: Annotated[int, typer.Option(min=2, max=100_000, help="Robots of each case.")] = 200,
     seconds: Annotated[float, typer.Option(help="Length of each log, s.")] = 112.0,
     rate: Annotated[
         list[float] | None, typer.Option(help="Rows a second, Hz; again for more.")

@@ -31,7 +31,7 @@ def design(
             "in sizes of itself) or D (volume of all intervals).",
         ),
     ] = "m0",
-    seconds: Annotated[float, typer.Option(help="Length of the experiment, s.")] = 60.0,
+    seconds: Annotated[float, typer.Option(max=3600, help="Length of the experiment, s.")] = 60.0,
     speed: Annotated[float, typer.Option(help="Limit of the centre's speed, m/s.")] = 0.3,
     yaw_rate: Annotated[float, typer.Option(help="Limit, rad/s.")] = DEFAULTS.yaw_rate,
     acceleration: Annotated[
@@ -45,10 +45,10 @@ def design(
         str, typer.Option(help="Robot that is expected: model file, nominal or paper.")
     ] = "nominal",
     effects: given_effects.EffectsFile = None,
-    harmonics: Annotated[int, typer.Option(help="Sines on each axis.")] = 8,
-    starts: Annotated[int, typer.Option(help="Random starts of the search.")] = 8,
+    harmonics: Annotated[int, typer.Option(max=64, help="Sines on each axis.")] = 8,
+    starts: Annotated[int, typer.Option(max=1000, help="Random starts of the search.")] = 8,
     runs: Annotated[
-        int, typer.Option(help="Simulated experiments that check the result; 0 for none.")
+        int, typer.Option(max=10_000, help="Simulated experiments that check the result; 0 for none.")
     ] = 100,
     seed: console.Seed = 0,
     motion_file: Annotated[

@@ -143,3 +143,19 @@ def test_content_is_on_the_disk_before_its_name(tmp_path, monkeypatch):
     write_atomically(tmp_path / "a.txt", "new")
     assert done == ["content", "name"]
     assert (tmp_path / "a.txt").read_text() == "new"
+
+
+@pytest.mark.parametrize("kind", [pl.Duration("ns"), pl.Datetime("us")], ids=str)
+def test_a_time_in_place_of_a_torque(tmp_path, kind):
+    frame = good_frame()
+    spoiled = frame["wheel_torque_rl"].cast(pl.Int64).cast(kind)
+    frame.with_columns(spoiled).write_parquet(tmp_path / "log.parquet")
+    with pytest.raises(LogError, match="wheel_torque_rl cannot be in 's'"):
+        Log.load(tmp_path / "log.parquet")
+
+
+def test_a_channel_of_nothing_but_rounding(tmp_path):
+    frame = good_frame()
+    frame.with_columns(pl.col("wheel_torque_rl") * 1e-9).write_csv(tmp_path / "log.csv")
+    with pytest.raises(LogError, match=r"wheel_torque_rl: always .* while the others change"):
+        Log.load(tmp_path / "log.csv")

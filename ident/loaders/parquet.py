@@ -70,6 +70,8 @@ class ParquetLoader(Loader):
         except ValueError as error:
             raise refuse(path, str(error), "metadata", "write the file again") from error
         for name, column in zip(frame.columns, frame.iter_columns(), strict=True):
+            if column.dtype in (pl.Duration, pl.Datetime):
+                table.units[name] = "s"  # so that it cannot pass for a torque or a speed
             if column.dtype == pl.Duration:
                 column = column.dt.total_nanoseconds().cast(pl.Float64) * 1e-9
             elif column.dtype == pl.Datetime:

@@ -122,11 +122,17 @@ def motion_text(motion: Fourier) -> str:
     for axis, amplitudes, phases in zip(AXES, motion.amplitudes, motion.phases, strict=True):
         lines.append(f"{axis}:" if amplitudes else f"{axis}: []")
         pairs = zip(amplitudes, phases, strict=True)
-        lines += [f"  - [{float(a)!r}, {float(p)!r}]" for a, p in pairs]
+        lines += [f"  - [{_short(a)}, {_short(p)}]" for a, p in pairs]
     if motion.about:
         about = yaml.safe_dump({"about": motion.about}, sort_keys=False, allow_unicode=True)
         lines.append(about.rstrip())
     return "\n".join(lines) + "\n"
+
+
+def _short(number: float) -> str:
+    """Nine digits where they say it exactly, else all."""
+    text = f"{number:.9g}"
+    return text if float(text) == number else repr(float(number))
 
 
 def _from_dict(data: object) -> Fourier:
