@@ -18,8 +18,12 @@ ROUNDS = 40
 
 
 def benchmark(
-    copies: Annotated[int, typer.Option(min=1, max=1_000_000, help="Copies in the vector environments.")] = 4096,
-    rounds: Annotated[int, typer.Option(min=3, max=10_000, help="Turns of each environment.")] = ROUNDS,
+    copies: Annotated[
+        int, typer.Option(min=1, max=1_000_000, help="Copies in the vector environments.")
+    ] = 4096,
+    rounds: Annotated[
+        int, typer.Option(min=3, max=10_000, help="Turns of each environment.")
+    ] = ROUNDS,
     seed: console.Seed = 0,
     json: console.Json = None,
     force: console.Force = False,

@@ -48,7 +48,9 @@ def main(
             help="Models: files, nominal or paper; nominal and the bundled identified one if left.",
         ),
     ] = None,
-    window: Annotated[float, typer.Option(min=0.1, max=3600, help="Length of the free runs, s.")] = 5.0,
+    window: Annotated[
+        float, typer.Option(min=0.1, max=3600, help="Length of the free runs, s.")
+    ] = 5.0,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,

@@ -46,7 +46,10 @@ Json = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Write the results for programs.")
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace files that another command wrote.")]
-Seed = Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Of everything random; equal seeds, equal results.")]
+Seed = Annotated[
+    int,
+    typer.Option(min=0, max=2**32 - 1, help="Of everything random; equal seeds, equal results."),
+]
 # A terminal that cannot show a character shows another in its place.
 for stream in (sys.stdout, sys.stderr):
     if hasattr(stream, "reconfigure"):

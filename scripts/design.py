@@ -48,7 +48,8 @@ def design(
     harmonics: Annotated[int, typer.Option(max=64, help="Sines on each axis.")] = 8,
     starts: Annotated[int, typer.Option(max=1000, help="Random starts of the search.")] = 8,
     runs: Annotated[
-        int, typer.Option(max=10_000, help="Simulated experiments that check the result; 0 for none.")
+        int,
+        typer.Option(max=10_000, help="Simulated experiments that check the result; 0 for none."),
     ] = 100,
     seed: console.Seed = 0,
     motion_file: Annotated[

@@ -47,10 +47,15 @@ def evaluate(
     effect: given_effects.Effects = None,
     effects: given_effects.EffectsFile = None,
     robots: Annotated[int, typer.Option(min=1, max=1000, help="Robots on the analytic plant.")] = 5,
-    roller_robots: Annotated[int, typer.Option(min=1, max=1000, help="Robots with real rollers.")] = 3,
+    roller_robots: Annotated[
+        int, typer.Option(min=1, max=1000, help="Robots with real rollers.")
+    ] = 3,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
     steps: Annotated[
-        int, typer.Option(min=0, max=10_000_000, help="Control periods of the test of predictive control.")
+        int,
+        typer.Option(
+            min=0, max=10_000_000, help="Control periods of the test of predictive control."
+        ),
     ] = 10_000,
     wrong: Annotated[
         bool, typer.Option(help="Ask which wrong parameter or missing effect costs the most.")

@@ -39,7 +39,9 @@ def evaluate(
     ] = None,
     effect: given_effects.Effects = None,
     effects: given_effects.EffectsFile = None,
-    seeds: Annotated[int, typer.Option(min=2, max=100_000, help="Unseen seeds of each motion.")] = 100,
+    seeds: Annotated[
+        int, typer.Option(min=2, max=100_000, help="Unseen seeds of each motion.")
+    ] = 100,
     seconds: Annotated[float, typer.Option(min=3, max=100, help="Length of a run, s.")] = 10.0,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
     seed: Annotated[int, typer.Option(min=0, help="The first of the seeds.")] = FIRST_SEED,

@@ -72,7 +72,10 @@ def main(
     posterior: Annotated[
         int,
         typer.Option(
-            metavar="N", min=0, max=1_000_000, help="Draw N robots from the result and write their parameters."
+            metavar="N",
+            min=0,
+            max=1_000_000,
+            help="Draw N robots from the result and write their parameters.",
         ),
     ] = 0,
     by_motion: Annotated[

@@ -42,13 +42,17 @@ def train(
     ] = None,
     effects: given_effects.EffectsFile = None,
     steps: Annotated[
-        int | None, typer.Option(min=1, max=10**9, help="Control periods; what the recipe says if left.")
+        int | None,
+        typer.Option(min=1, max=10**9, help="Control periods; what the recipe says if left."),
     ] = None,
     copies: Annotated[
-        int | None, typer.Option(min=1, max=65_536, help="Robots side by side; the recipe's if left.")
+        int | None,
+        typer.Option(min=1, max=65_536, help="Robots side by side; the recipe's if left."),
     ] = None,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
-    seeds: Annotated[int, typer.Option(min=2, max=100_000, help="Unseen seeds of the final exam.")] = 100,
+    seeds: Annotated[
+        int, typer.Option(min=2, max=100_000, help="Unseen seeds of the final exam.")
+    ] = 100,
     seconds: Annotated[float, typer.Option(min=3, max=100, help="Length of its runs, s.")] = 10.0,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="Policy; runs/train/... if left.")

@@ -51,8 +51,8 @@ def load_effects_file(path: str | os.PathLike) -> tuple[str, ...]:
     if not found:
         del sys.modules[name]
         raise ValueError(
-            f"{path.name} was run and defines no effect; it needs a subclass of youbot_env.effects.Effect with "
-            "an identifier, see docs/add_an_effect.md"
+            f"{path.name} was run and defines no effect; it needs a subclass of "
+            "youbot_env.effects.Effect with an identifier, see docs/add_an_effect.md"
         )
     return tuple(found)
 
