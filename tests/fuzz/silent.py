@@ -84,4 +84,6 @@ def serve_silent(pipe, seed: int, indices) -> None:
             good[one.kind] = lumps(folder / "whole" / one.entry)
         pipe.send("ready")
         for index in indices:
-            pipe.send(judge_silent(good, draw(logs, seed, index), index, folder))
+            spoiled = draw(logs, seed, index)
+            pipe.send((spoiled.original.kind, spoiled.steps))
+            pipe.send(judge_silent(good, spoiled, index, folder))

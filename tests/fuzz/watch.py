@@ -39,12 +39,13 @@ def run(
             if not ours.poll(START) or ours.recv() != "ready":
                 raise RuntimeError("the good files could not be made")
             while left:
+                kind, spoiled = ours.recv()  # fails where the fuzz itself does
                 outcome = "hang"
                 try:
                     case = ours.recv() if ours.poll(hang) else None
                 except EOFError:
                     case, outcome = None, "died"
-                yield case or Case(left[0], *_what(seed, left[0]), outcome)
+                yield case or Case(left[0], kind, spoiled, outcome)
                 left.pop(0)
                 if case is None:
                     break
@@ -61,19 +62,14 @@ def _serve(pipe, seed: int, indices: Sequence[int]) -> None:
             resource.setrlimit(resource.RLIMIT_AS, (held + ROOM, resource.RLIM_INFINITY))
         pipe.send("ready")
         for index in indices:
+            spoiled = draw(good, seed, index)
+            pipe.send((spoiled.original.kind, spoiled.steps))
             before = _forget_peak()
-            case = judge(draw(good, seed, index), index, Path(folder))
+            case = judge(spoiled, index, Path(folder))
             taken = _status("VmHWM") - before
             if taken > MOST_MEMORY:
                 case = Case(index, case.kind, case.spoiled, "memory", f"{taken} bytes")
             pipe.send(case)
-
-
-def _what(seed: int, index: int) -> tuple[str, tuple[str, ...]]:
-    """Kind and steps of a case that could not say them itself."""
-    with tempfile.TemporaryDirectory() as folder:
-        spoiled = draw(originals(Path(folder)), seed, index)
-    return spoiled.original.kind, spoiled.steps
 
 
 def _forget_peak() -> int:
