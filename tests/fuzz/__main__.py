@@ -1,4 +1,4 @@
-"""``python -m fuzz``: run cases, replay one, or write the table of docs/robustness.md."""
+"""Run cases and print the table of docs/robustness.md, or replay one case."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ def main() -> int:
     parser.add_argument("--replay", type=int, metavar="INDEX", help="one case, in this process")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="with --replay: its files")
     parser.add_argument("--silent", action="store_true", help="identify logs that changed untold")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="every case, a line each")
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="every case is added here, a line each"
+    )
     chosen = parser.parse_args()
     if chosen.replay is not None:
         return replay(chosen.seed, chosen.replay, chosen.keep)
@@ -35,14 +37,19 @@ def main() -> int:
     hang = 6 * HANG if chosen.silent else HANG
     for case in run(chosen.seed, range(chosen.first, chosen.first + chosen.cases), serve, hang):
         cases.append(case)
+        if chosen.json is not None:  # at once: a long run may be stopped
+            with chosen.json.open("a") as file:
+                file.write(json.dumps(asdict(case)) + "\n")
         if case.outcome in faults:
-            print(f"\n{case.outcome}: --seed {chosen.seed} --replay {case.index}\n"
+            again = (
+                f"--silent --cases 1 --first {case.index}"
+                if chosen.silent
+                else (f"--replay {case.index}")
+            )
+            print(f"\n{case.outcome}: --seed {chosen.seed} {again}\n"
                   f"{case.kind}, {case.spoiled}\n{case.detail[-1500:]}", flush=True)  # fmt: skip
         if sys.stderr.isatty():
             print(f"\r{len(cases)}/{chosen.cases}", end="", file=sys.stderr)
-    if chosen.json is not None:
-        lines = (json.dumps(asdict(case)) for case in cases)
-        chosen.json.write_text("\n".join(lines) + "\n")
     print(table(cases))
     seconds = time.perf_counter() - began
     print(f"seed {chosen.seed}, {len(cases)} cases from {chosen.first} on, {seconds:.0f} s")

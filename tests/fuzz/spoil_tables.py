@@ -145,12 +145,12 @@ def on_frame(change: Callable) -> Callable:
     def spoil(rng, data: bytes) -> bytes:
         try:
             frame, said = pl.read_parquet(data), pl.read_parquet_metadata(io.BytesIO(data))
-        except BaseException as error:  # another fault spoiled it before this one
-            if isinstance(error, KeyboardInterrupt):
-                raise
+            said = {k: v for k, v in said.items() if k != "ARROW:schema"}
+            frame, said = change(rng, frame, said)
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # an earlier step has left no table, or columns of another kind
             return data
-        said = {k: v for k, v in said.items() if k != "ARROW:schema"}
-        frame, said = change(rng, frame, said)
         stream = io.BytesIO()
         kind = ("zstd", "snappy", "uncompressed")[rng.integers(3)]
         frame.write_parquet(stream, compression=kind, metadata=said)
