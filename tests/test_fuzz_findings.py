@@ -11,6 +11,7 @@ from hashlib import sha256
 import numpy as np
 import polars as pl
 import pytest
+from foreign_logs import make, write_bag
 from small_policies import policy
 from spoiled_logs import good_frame
 
@@ -159,3 +160,20 @@ def test_a_channel_of_nothing_but_rounding(tmp_path):
     frame.with_columns(pl.col("wheel_torque_rl") * 1e-9).write_csv(tmp_path / "log.csv")
     with pytest.raises(LogError, match=r"wheel_torque_rl: always .* while the others change"):
         Log.load(tmp_path / "log.csv")
+
+
+@pytest.mark.parametrize(
+    "text", [ALIASES, "a: " + "[" * 2000, "\xff", "a: 1\n" * 300_000], ids=lambda text: text[:9]
+)
+def test_metadata_of_a_bag_that_never_ends(tmp_path, text):
+    pytest.importorskip("rosbags")
+    folder = write_bag(tmp_path / "bag", make(60), "mcap")
+    (folder / "metadata.yaml").write_text(text, encoding="latin-1")
+    with pytest.raises(LogError, match=r"damaged metadata"):
+        Log.load(folder)
+
+
+def test_yaml_without_end(tmp_path):
+    (tmp_path / "m.yaml").write_text("# \n" * 500_000)
+    with pytest.raises(ModelFileError, match="1500000 bytes, 500000 are allowed"):
+        load_model(tmp_path / "m.yaml")

@@ -15,6 +15,8 @@ import yaml
 # Values of a file with its aliases written out; models/identified.yaml has 200.  Nine lines of
 # aliases of aliases make 10^9, which no message can quote.
 MOST_VALUES = 1_000_000
+# Bytes of a file, which take PyYAML about 5 s; models/identified.yaml has 3300.
+MOST_BYTES = 500_000
 _EXPONENT = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 
 
@@ -69,10 +71,12 @@ def read_yaml(path: Path) -> object:
     """Content of a YAML file.
 
     Raises:
-        yaml.YAMLError: the text is not YAML, is nested too deeply, has a key twice in a mapping or
-            a number without measure; says in which line where it can.
+        yaml.YAMLError: the file is too large, the text is not YAML, is nested too deeply, has a
+            key twice in a mapping or a number without measure; says in which line where it can.
         UnicodeDecodeError: the file is not text.
     """
+    if path.stat().st_size > MOST_BYTES:
+        raise yaml.YAMLError(f"it has {path.stat().st_size} bytes, {MOST_BYTES} are allowed")
     text = path.read_text(encoding="utf-8")
     # A SafeLoader underneath: files of others cannot run code.
     try:
