@@ -113,3 +113,17 @@ def test_any_terminal_can_show_what_is_said(tmp_path, encoding):
     assert "1/2" in done.stderr.decode(encoding)
     said = done.stdout.decode(encoding)
     assert ("\u00b1 0.1 \u2588" if encoding == "utf-8" else "? 0.1 #") in said
+
+
+@pytest.mark.parametrize("name", ["identify.py", "record.py", "train.py"])
+def test_help_says_that_a_file_of_effects_is_run(script, name):
+    status, said, _ = script(name, "--help")
+    assert status == 0
+    assert "IT IS RUN" in " ".join(said.split())
+
+
+def test_numbers_without_measure_are_refused_with_their_limit(script):
+    for words in (("identify.py", "--posterior", 10**9), ("train.py", "--seeds", 10**9)):
+        status, _, said = script(*words)
+        assert status == 2
+        assert "less than or equal to" in said or "<=" in said
