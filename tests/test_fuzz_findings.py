@@ -177,3 +177,14 @@ def test_yaml_without_end(tmp_path):
     (tmp_path / "m.yaml").write_text("# \n" * 500_000)
     with pytest.raises(ModelFileError, match="1500000 bytes, 500000 are allowed"):
         load_model(tmp_path / "m.yaml")
+
+
+@pytest.mark.parametrize("size", [1e4, 1e20])
+def test_a_spike_makes_no_other_channel_dead(tmp_path, size):
+    frame = good_frame()
+    spoiled = frame["wheel_torque_fl"].to_list()
+    spoiled[700] = size
+    frame.with_columns(pl.Series("wheel_torque_fl", spoiled)).write_csv(tmp_path / "log.csv")
+    log = Log.load(tmp_path / "log.csv")
+    assert any("spike" in finding.what for finding in log.findings)
+    assert np.abs(log.wheel_torque).max() < 100
