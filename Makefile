@@ -1,10 +1,11 @@
 # make run   install what identification needs, identify the bundled log into report/
 # make test  install everything, lint, run the suite; make test-long the few tests that take longest
+# make fuzz  spoil good files in N ways (20 000 if left) and see that every reader copes
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test test-long lint clean
+.PHONY: run test test-long fuzz lint clean
 
 run: $(VENV)/.base
 	$(BIN)/python scripts/identify.py --out report/identified.yaml --report report
@@ -14,6 +15,11 @@ test: $(VENV)/.all lint
 
 test-long: $(VENV)/.all
 	$(BIN)/python -m pytest -n 2 -m long
+
+N ?= 20000
+SEED ?= 0
+fuzz: $(VENV)/.all
+	cd tests && PYTHONWARNINGS=ignore ../$(BIN)/python -m fuzz --cases $(N) --seed $(SEED)
 
 lint: $(VENV)/.all
 	$(BIN)/ruff check .

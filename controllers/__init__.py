@@ -11,6 +11,7 @@ from functools import cache
 from typing import Any
 
 from controllers.base import Controller, Settings
+from youbot_env.arguments import check_kind
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
@@ -40,6 +41,7 @@ def find(name: str) -> type[Controller]:
         ValueError: unknown name.
     """
     known = _found()
+    check_kind("name", name, str, f"one of {sorted(known)}")
     if name not in known:
         near = difflib.get_close_matches(name, known, 1)
         hint = f"did you mean {near[0]!r}? " if near else ""
@@ -57,7 +59,7 @@ def make(name: str, model: str | os.PathLike | Model, **settings: Any) -> Contro
 
     Raises:
         ValueError: unknown name, or a setting with an impossible value.
-        TypeError: unknown setting.
+        TypeError: unknown setting, or one of a wrong type.
 
     Example:
         >>> controller = make("computed_torque", "paper")

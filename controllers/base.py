@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from controllers.guard import Guard
+from youbot_env.arguments import check_kind
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model import Model
 
@@ -86,6 +87,8 @@ class Controller:
     Settings: ClassVar[type[Settings]] = Settings
 
     def __init__(self, model: Model, settings: Settings):
+        check_kind("model", model, Model, "a Model, as load_model returns it")
+        check_kind("settings", settings, Settings, "the controller's Settings")
         self.settings = settings
         self.task = TrackingTask(model.platform, self.action_level, **settings.shared())
         self._length = self.task.observation_space.shape[0]

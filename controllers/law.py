@@ -13,6 +13,7 @@ from controllers.base import Controller, Settings
 from controllers.columns import Columns
 from controllers.estimator import OPS, Estimator, Situation
 from controllers.preview import preview_weights
+from youbot_env.arguments import check_kind
 from youbot_env.model import Model
 from youbot_env.plant import Robot, State, Structure
 from youbot_env.references import rotate_to_body
@@ -66,6 +67,9 @@ class LawSettings(Settings):
     disturbance_time: float = 0.1
 
     def __post_init__(self) -> None:
+        for name in ("pose_time", "disturbance_time"):
+            value = getattr(self, name)
+            check_kind(name, value, (int, float), "a time in s")
         if not 0 <= self.pose_time < math.inf:
             raise ValueError(f"pose_time = {self.pose_time!r}; give s, or 0 for none")
         if not self.disturbance_time > 0:

@@ -111,7 +111,14 @@ class LQR(LawController):
             a, b = (np.asarray(m) for m in slopes(twist, model.values()))
             held = control.ss(a, b, np.eye(6), np.zeros((6, wheels))).sample(dt)
             # Errors count as reference less robot, so a torque against them is positive.
-            gains[place] = -control.dlqr(held.A, held.B, q, r)[0]
+            try:
+                gains[place] = -control.dlqr(held.A, held.B, q, r)[0]
+            except (ValueError, np.linalg.LinAlgError, control.ControlArgument) as error:
+                raise ValueError(
+                    f"lqr has no gains at the twist {np.round(twist, 3).tolist()} for the weights "
+                    f"{weights.tolist()} and torque = {s.torque:g} ({error}); give weights and "
+                    "speeds nearer to the defaults"
+                ) from error
         return RegularGridInterpolator(axes, gains)
 
 

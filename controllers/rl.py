@@ -10,6 +10,7 @@ import numpy as np
 from controllers import base
 from controllers.rl_features import Features
 from controllers.rl_policy import Policy, PolicyFileError
+from youbot_env.arguments import check_kind
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model import Model
 
@@ -67,9 +68,11 @@ def load_policy(source: str | os.PathLike | Policy, algorithm: str, task: Tracki
     """Read a policy and check that it was trained for this use.
 
     Raises:
+        TypeError: no policy at all.
         PolicyFileError: unusable file, or a policy of another algorithm, period, torque limit or
             number of wheels.
     """
+    check_kind("policy", source, (str, os.PathLike, Policy), "a file, a name or a Policy")
     policy = source if isinstance(source, Policy) else Policy.load(source)
     source = "of your own" if policy is source else str(source)
     if policy.algorithm != algorithm:

@@ -19,14 +19,40 @@ from typing import Any
 import numpy as np
 
 from controllers.rl_features import NAMES
+from youbot_env.envs.task import LARGEST, SHORTEST
 from youbot_env.model_file import write_atomically
+from youbot_env.schema import Entry, Section
 
 KIND = "youbot policy 1"
 SHIPPED = Path(__file__).parent.parent / "models" / "policies"
 ACTIVATIONS = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
 # Far above any policy of this project, far below what would trouble a machine.
 LARGEST_FILE = 50_000_000
-ENTRIES = ("kind", "algorithm", "network", "task", "normalisation", "weights", "training")
+FILE = Section("Policy file (JSON), beside its weights (NPZ)", (
+    Entry("kind", f"`{KIND}`", needed=True),
+    Entry("algorithm", "what trained it: ppo, sac, residual", needed=True),
+    Entry("network", "the entries below", needed=True),
+    Entry("task", "the entries below", needed=True),
+    Entry("normalisation", "the entries below", needed=True),
+    Entry("weights", "`file` and its `sha256`", needed=True),
+    Entry("training", "how it came about, any entries", needed=True),
+))  # fmt: skip
+NETWORK = Section("`network`", (
+    Entry("sizes", "width of the input and of every layer", needed=True),
+    Entry("activation", f"of all layers but the last: {', '.join(ACTIVATIONS)}", needed=True),
+    Entry("squash", "whether the last layer passes through tanh: true or false", needed=True),
+    Entry("share", "factor on the output", "", 0.0, 1e3, needed=True),
+    Entry("inputs", "names of the features"),
+))  # fmt: skip
+TASK = Section("`task`", (
+    Entry("dt", "control period", "s", SHORTEST, LARGEST["dt"], needed=True),
+    Entry("torque_limit", "torque of action 1", "N m", 1e-6, LARGEST["torque_limit"], needed=True),
+))  # fmt: skip
+NORMALISATION = Section("`normalisation`", (
+    Entry("mean", "of each feature, finite", needed=True),
+    Entry("deviation", "of each feature, positive", needed=True),
+    Entry("clip", "limit of a normalised feature", "", 1e-6, 1e6, needed=True),
+))  # fmt: skip
 
 
 class PolicyFileError(ValueError):
@@ -77,13 +103,16 @@ class Policy:
             problems.append("its normalisation is not finite and positive")
         if self.activation not in ACTIVATIONS:
             problems.append(f"activation {self.activation!r} is none of {sorted(ACTIVATIONS)}")
-        if set(self.task) != {"dt", "torque_limit"}:
+        numbers = [(NORMALISATION["clip"], self.clip), (NETWORK["share"], self.share)]
+        if set(self.task) == set(TASK.names):
+            numbers += [(TASK[name], value) for name, value in self.task.items()]
+        else:
             problems.append(f"its task states {sorted(self.task)}, not dt and torque_limit")
-        for name, value in {"clip": self.clip, **self.task}.items():
-            if not 0.0 < value < np.inf:
-                problems.append(f"its {name} is {value}, not finite and positive")
-        if not 0.0 <= self.share < np.inf:
-            problems.append(f"its share is {self.share}, not finite and at least 0")
+        for entry, value in numbers:
+            try:
+                entry.check(value, "its ")
+            except ValueError as error:
+                problems.append(str(error))
         if problems:
             raise PolicyFileError(f"this policy cannot be used: {'; '.join(problems)}")
 
@@ -195,7 +224,7 @@ def _read_json(path: Path) -> dict:
         raise PolicyFileError(f"{path} is not valid JSON: {error}") from error
     if not isinstance(data, dict) or data.get("kind") != KIND:
         raise PolicyFileError(f"{path} is no {KIND!r}; give the .json file that train.py wrote")
-    missing = [entry for entry in ENTRIES if entry not in data]
+    missing = [entry for entry in FILE.needed if entry not in data]
     wrong = [entry for entry in ("network", "task", "normalisation", "weights", "training")
              if entry in data and not isinstance(data[entry], dict)]  # fmt: skip
     if missing or wrong:
@@ -228,10 +257,9 @@ def _read_weights(path: Path, data: dict) -> tuple[tuple, tuple]:
         )
         if any(w.ndim != 2 or b.ndim != 1 for w, b in zip(*parts, strict=True)):
             raise ValueError("weights are not matrices, or biases not vectors")
-    # A header may claim 10^12 numbers, which no memory holds.
-    except (
-        ValueError, KeyError, TypeError, OSError, EOFError, MemoryError, zipfile.BadZipFile
-    ) as error:  # fmt: skip
+    # A header may claim 10^12 numbers, which no memory holds, and a damaged one makes NumPy fail as
+    # its parsers of Python do.
+    except Exception as error:
         raise PolicyFileError(f"{weights} holds no network: {error}") from error
     return parts
 

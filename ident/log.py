@@ -20,7 +20,7 @@ import numpy as np
 
 from ident.declaration import parse_declaration
 from ident.doctor import Finding, LogError, check_accepted, examine
-from ident.loaders import read
+from ident.loaders import damage_told, find_loader, read
 from ident.recent import Recent
 from youbot_env.channels import channel_columns
 from youbot_env.model_file import write_atomically
@@ -160,6 +160,7 @@ class Log:
         path = Path(path)
         given = read_platform(platform) if isinstance(platform, str) else platform
         given = GivenPlatform(given) if isinstance(given, Platform) else given
+        find_loader(path)  # nothing that is no log, such as a folder of anything, is hashed
         with ThreadPoolExecutor(1) as pool:  # hashing a large file takes as long as reading it
             digest = pool.submit(_digest, path)
             table = read(path, youbot() if given is None else given.platform)
@@ -170,7 +171,8 @@ class Log:
             table.usual = given.mapping
             kt, gear = kt or given.kt, gear or given.gear
             accepted = (*table.accept, *accept)
-            record = examine(table, path.name, given.platform, mapping, kt, gear, accepted)
+            with damage_told(path, "columns of a kind that cannot be worked with"):
+                record = examine(table, path.name, given.platform, mapping, kt, gear, accepted)
         platform = given.platform
         if unknown and "wheel_duty" in record.channels:
             table.foreign = table.foreign or record.name("wheel_duty")

@@ -42,7 +42,7 @@ def benchmark(
         bool,
         typer.Option("--baselines", help="Also PySINDy and SysIdentPy on some of the logs."),
     ] = False,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes, one thread each.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, max=1024, help="Processes, one thread each.")] = 1,
     resume: Annotated[
         bool, typer.Option(help="Go on where an earlier run of the same code stopped.")
     ] = True,
@@ -57,6 +57,7 @@ def benchmark(
     ] = False,
     seed: console.Seed = 0,
     json_file: console.Json = None,
+    force: console.Force = False,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the page with tables and figures.")
     ] = None,
@@ -71,7 +72,8 @@ def benchmark(
         console.out.print("\n".join(case.id for case in chosen))
         return
     page = None if report is None else report / "index.html"
-    console.check_writable(json_file, page, results)
+    console.check_writable(json_file, page, results)  # finished cases are added to the last
+    console.check_results(json_file, page, force=force)
     tasks: list[Task] = [("diagnosis", case) for case in chosen]
     if baselines:
         require_baselines()

@@ -62,7 +62,7 @@ METHODS = ("instrumental variables", "least squares", "ordinary least squares")
 
 
 def benchmark(
-    robots: Annotated[int, typer.Option(min=2, help="Robots of each case.")] = 200,
+    robots: Annotated[int, typer.Option(min=2, max=100_000, help="Robots of each case.")] = 200,
     seconds: Annotated[float, typer.Option(help="Length of each log, s.")] = 112.0,
     rate: Annotated[
         list[float] | None, typer.Option(help="Rows a second, Hz; again for more.")
@@ -76,12 +76,13 @@ def benchmark(
     ] = None,
     seed: console.Seed = 0,
     json: console.Json = None,
+    force: console.Force = False,
 ) -> None:
     """Measure coverage, bias and speed of identification on simulated robots.
 
     Every --rate is run with every --hold and every --offset.
     """
-    console.check_writable(json)
+    console.check_results(json, force=force)
     cases = chosen_cases(rate, hold, offset)
     result = {"cases": {}, "robots": robots, "seconds": seconds}
     total = robots * len(cases)

@@ -18,13 +18,18 @@ ROUNDS = 40
 
 
 def benchmark(
-    copies: Annotated[int, typer.Option(min=1, help="Copies in the vector environments.")] = 4096,
-    rounds: Annotated[int, typer.Option(min=3, help="Turns of each environment.")] = ROUNDS,
+    copies: Annotated[
+        int, typer.Option(min=1, max=1_000_000, help="Copies in the vector environments.")
+    ] = 4096,
+    rounds: Annotated[
+        int, typer.Option(min=3, max=10_000, help="Turns of each environment.")
+    ] = ROUNDS,
     seed: console.Seed = 0,
     json: console.Json = None,
+    force: console.Force = False,
 ) -> None:
     """Measure steps a second; turns are short, so a busy machine slows both rivals alike."""
-    console.check_writable(json)
+    console.check_results(json, force=force)
     result = {}
     with console.progress("rounds", 2 * rounds) as show:
         single = [gym.make(name) for name in ("YouBot-v0", "Pendulum-v1")]

@@ -43,6 +43,7 @@ def main(
         typer.Option(metavar="FILE", help="Write --model with the calibrated kinematics, YAML."),
     ] = None,
     json_file: console.Json = None,
+    force: console.Force = False,
     *,
     options: LogOptions,
 ) -> None:
@@ -52,7 +53,7 @@ def main(
     one calibration; each may have a pose frame of its own. Nothing in it is random: equal logs give
     equal results.
     """
-    console.check_writable(out, json_file)
+    console.check_results(out, json_file, force=force)
     if not logs:
         logs, test = [FIT], test or [TEST]
     before = load_model(model)

@@ -59,11 +59,14 @@ def main(
             help="Models: files, nominal or paper; nominal and the bundled identified one if left.",
         ),
     ] = None,
-    window: Annotated[float, typer.Option(min=0.1, help="Length of the free runs, s.")] = 5.0,
+    window: Annotated[
+        float, typer.Option(min=0.1, max=3600, help="Length of the free runs, s.")
+    ] = 5.0,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
     json_file: console.Json = None,
+    force: console.Force = False,
     effects: given_effects.EffectsFile = None,
     seed: console.Seed = 0,
     *,
@@ -75,7 +78,8 @@ def main(
     the filtered equations of motion leave of the measured forces.
     """
     given_effects.load_effects(effects)
-    console.check_writable(json_file, None if report is None else report / "index.html")
+    page_file = None if report is None else report / "index.html"
+    console.check_results(json_file, page_file, force=force)
     models = read_models(model or DEFAULT)
     given, tests = options.read(models[0], logs or ([] if test else [TEST]), test or ())
     records = tests or given

@@ -26,6 +26,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 import typer.core
+from origins import check_replaceable
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
@@ -45,7 +46,15 @@ BAD_INPUT = (ValueError, OSError, FloatingPointError, ImportError)
 Json = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Write the results for programs.")
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Of everything random; equal seeds, equal results.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace files that another command wrote.")]
+Seed = Annotated[
+    int,
+    typer.Option(min=0, max=2**32 - 1, help="Of everything random; equal seeds, equal results."),
+]
+# A terminal that cannot show a character shows another in its place.
+for stream in (sys.stdout, sys.stderr):
+    if hasattr(stream, "reconfigure"):
+        stream.reconfigure(errors="replace")
 out = Console(highlight=False, markup=False, emoji=False)
 err = Console(stderr=True, highlight=False, markup=False, emoji=False)
 
@@ -84,7 +93,10 @@ def run(command: Callable[..., None], example: str, several: tuple[str, ...] = (
             raise typer.Exit(2) from error
         except (typer.Exit, typer.Abort, typer.BadParameter):
             raise
-        except Exception as error:
+        except BaseException as error:
+            # Libraries in Rust panic past ``Exception``; an interrupt is the user's.
+            if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+                raise
             err.print(traceback.format_exc(), soft_wrap=True)
             what = "the memory is used up" if isinstance(error, MemoryError) else "a fault of ours"
             err.print(
@@ -107,7 +119,22 @@ def run(command: Callable[..., None], example: str, several: tuple[str, ...] = (
 
     # The backspace keeps the lines of the example as they are.
     app.command(cls=Command, epilog=f"\b\nExample:\n  {_script()} {example}")(guarded)
+    for word in sys.argv[1:]:
+        if not is_text(word):
+            err.print(f"error: {not_text(word)}", style="red", soft_wrap=True)
+            sys.exit(2)
     app()
+
+
+def is_text(name: str) -> bool:
+    """Whether the name of a file can be written down: its bytes are UTF-8."""
+    return not any("\ud800" <= letter <= "\udfff" for letter in name)
+
+
+def not_text(name: str) -> str:
+    """What is said of a name that cannot: results have to name their files."""
+    shown = name.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
+    return f"the name {shown!r} is not UTF-8, no result could name it; rename the file"
 
 
 def spread(words: Iterable[str], several: tuple[str, ...]) -> list[str]:
@@ -124,8 +151,24 @@ def spread(words: Iterable[str], several: tuple[str, ...]) -> list[str]:
     return result
 
 
+def check_results(*paths: Path | None, force: bool, command: str | None = None) -> None:
+    """Refuse, before a long computation, results that could not be written or would be missed.
+
+    Args:
+        paths: of the results; None where there is none.
+        force: replace what another command wrote.
+        command: how this command names itself in what it writes, if not by its command line.
+
+    Raises:
+        ValueError: as ``check_writable``; or a file that another command wrote, see ``origins``.
+    """
+    check_writable(*paths)
+    if not force:
+        check_replaceable(paths, command or command_line())
+
+
 def check_writable(*paths: Path | None) -> None:
-    """Refuse, before a long computation, files that could not be written after it.
+    """Refuse files that could not be written.
 
     Raises:
         ValueError: a folder, a place that is no folder or not ours, one file named twice, a file
@@ -198,7 +241,8 @@ def provenance(
 
 def command_line() -> str:
     """The command line of this run as one can type it again, absolute paths shortened."""
-    words = [f"{key}{eq}{shown(value)}" for key, eq, value in map(_split_option, sys.argv[1:])]
+    words = [word for word in sys.argv[1:] if word != "--force"]  # says nothing of the result
+    words = [f"{key}{eq}{shown(value)}" for key, eq, value in map(_split_option, words)]
     return f"{_script()} {shlex.join(words)}"
 
 
@@ -282,6 +326,15 @@ def stages(first: str) -> Iterator[Callable[[str], None]]:
 
     tell(first)
     yield tell
+
+
+def drawable(characters: str, plain: str) -> str:
+    """Characters if the terminal can show them, else the plain ones."""
+    try:
+        characters.encode(out.encoding)
+    except (UnicodeEncodeError, LookupError):
+        return plain
+    return characters
 
 
 def section(title: str, sentences: list[str]) -> None:

@@ -30,6 +30,7 @@ def main(
         Path | None, typer.Option(metavar="DIR", help="Folder for one Parquet file a log.")
     ] = None,
     json_file: console.Json = None,
+    force: console.Force = False,
     *,
     options: LogOptions,
 ) -> None:
@@ -42,12 +43,12 @@ def main(
         raise ValueError("give --out FILE for one log, or --out-dir DIR for any number")
     if out is not None and out.suffix.lower() not in ENDINGS:
         raise ValueError(f"--out {out}: end the name in {' or '.join(ENDINGS)}")
-    console.check_writable(out, json_file)
+    console.check_results(out, json_file, force=force)
     read, _ = options.read(load_model("nominal"), logs)
     if out is not None and len(read) > 1:
         raise ValueError(f"--out {out} is one file for {len(read)} logs; give --out-dir DIR")
     files = [out] if out_dir is None else [out_dir / f"{log.name}.parquet" for log in read]
-    console.check_writable(*files, json_file)
+    console.check_results(*files, json_file, force=force)
     written = [write(log, file, options) for log, file in zip(read, files, strict=True)]
     console.write_json(json_file, {"logs": written, "provenance": console.provenance()})
 

@@ -31,7 +31,7 @@ def design(
             "in sizes of itself) or D (volume of all intervals).",
         ),
     ] = "m0",
-    seconds: Annotated[float, typer.Option(help="Length of the experiment, s.")] = 60.0,
+    seconds: Annotated[float, typer.Option(max=3600, help="Length of the experiment, s.")] = 60.0,
     speed: Annotated[float, typer.Option(help="Limit of the centre's speed, m/s.")] = 0.3,
     yaw_rate: Annotated[float, typer.Option(help="Limit, rad/s.")] = DEFAULTS.yaw_rate,
     acceleration: Annotated[
@@ -45,16 +45,18 @@ def design(
         str, typer.Option(help="Robot that is expected: model file, nominal or paper.")
     ] = "nominal",
     effects: given_effects.EffectsFile = None,
-    harmonics: Annotated[int, typer.Option(help="Sines on each axis.")] = 8,
-    starts: Annotated[int, typer.Option(help="Random starts of the search.")] = 8,
+    harmonics: Annotated[int, typer.Option(max=64, help="Sines on each axis.")] = 8,
+    starts: Annotated[int, typer.Option(max=1000, help="Random starts of the search.")] = 8,
     runs: Annotated[
-        int, typer.Option(help="Simulated experiments that check the result; 0 for none.")
+        int,
+        typer.Option(max=10_000, help="Simulated experiments that check the result; 0 for none."),
     ] = 100,
     seed: console.Seed = 0,
     motion_file: Annotated[
         Path, typer.Option("--out", metavar="FILE", help="The motion, YAML.")
     ] = Path("runs/motion.yaml"),
     json_file: console.Json = None,
+    force: console.Force = False,
 ) -> None:
     """Design the motion that tells most about what one wants to know.
 
@@ -65,7 +67,7 @@ def design(
     given_effects.load_effects(effects)
     if motion_file.suffix.lower() not in (".yaml", ".yml"):
         raise ValueError(f"--out {motion_file}: motions are written as YAML; end the name in .yaml")
-    console.check_writable(motion_file, json_file)
+    console.check_results(motion_file, json_file, force=force)
     if runs < 0 or 0 < runs < 3:
         raise ValueError(f"--runs {runs}: give 0 for none, or 3 or more")
     limits = Limits(speed, yaw_rate, acceleration, yaw_acceleration, torque)

@@ -44,11 +44,13 @@ def main(
     effects: given_effects.EffectsFile = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
+    force: console.Force = False,
     *,
     options: LogOptions,
 ) -> None:
     """Name the physical effect that a model is missing, or say that none is or one cannot say."""
-    console.check_writable(json_file, None if report is None else report / "index.html")
+    page_file = None if report is None else report / "index.html"
+    console.check_results(json_file, page_file, force=force)
     if not logs:
         logs, test = [FIT], test or [TEST]
     given_effects.load_effects(effects)

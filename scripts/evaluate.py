@@ -48,20 +48,26 @@ def evaluate(
     ] = None,
     effect: given_effects.Effects = None,
     effects: given_effects.EffectsFile = None,
-    robots: Annotated[int, typer.Option(min=1, help="Robots on the analytic plant.")] = 5,
-    roller_robots: Annotated[int, typer.Option(min=1, help="Robots with real rollers.")] = 3,
+    robots: Annotated[int, typer.Option(min=1, max=1000, help="Robots on the analytic plant.")] = 5,
+    roller_robots: Annotated[
+        int, typer.Option(min=1, max=1000, help="Robots with real rollers.")
+    ] = 3,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
     steps: Annotated[
-        int, typer.Option(min=0, help="Control periods of the test of predictive control.")
+        int,
+        typer.Option(
+            min=0, max=10_000_000, help="Control periods of the test of predictive control."
+        ),
     ] = 10_000,
     wrong: Annotated[
         bool, typer.Option(help="Ask which wrong parameter or missing effect costs the most.")
     ] = True,
     jobs: Annotated[
-        int, typer.Option(min=0, help="Processes at a time; one for each core if left.")
+        int, typer.Option(min=0, max=1024, help="Processes at a time; one for each core if left.")
     ] = 0,
     seed: console.Seed = 0,
     json_file: console.Json = None,
+    force: console.Force = False,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the page, its figures and films.")
     ] = None,
@@ -76,7 +82,7 @@ def evaluate(
     all is done: a run that was stopped goes on where it was when it is called again.
     """
     page_file = None if report is None else report / "index.html"
-    console.check_writable(json_file, page_file)
+    console.check_results(json_file, page_file, force=force)
     given_effects.load_effects(effects)
     blocks, skipped = chosen(controller, reference, frequency, plant)
     hidden = sizes(given_effects.parse_effects(effect)) if effect else HIDDEN

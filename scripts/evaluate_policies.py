@@ -39,11 +39,14 @@ def evaluate(
     ] = None,
     effect: given_effects.Effects = None,
     effects: given_effects.EffectsFile = None,
-    seeds: Annotated[int, typer.Option(min=2, help="Unseen seeds of each motion.")] = 100,
+    seeds: Annotated[
+        int, typer.Option(min=2, max=100_000, help="Unseen seeds of each motion.")
+    ] = 100,
     seconds: Annotated[float, typer.Option(min=3, max=100, help="Length of a run, s.")] = 10.0,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
     seed: Annotated[int, typer.Option(min=0, help="The first of the seeds.")] = FIRST_SEED,
     json_file: console.Json = None,
+    force: console.Force = False,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the page with its figures.")
     ] = None,
@@ -56,7 +59,8 @@ def evaluate(
     beat the kinematic controller on every motion.
     """
     given_effects.load_effects(effects)
-    console.check_writable(json_file, None if report is None else report / "index.html")
+    page_file = None if report is None else report / "index.html"
+    console.check_results(json_file, page_file, force=force)
     names = policy or shipped_policies()
     if not names:
         raise ValueError("no policy given and none shipped; train one: python scripts/train.py")

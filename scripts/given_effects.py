@@ -27,7 +27,8 @@ EffectsFile = Annotated[
     typer.Option(
         "--effects",
         metavar="FILE.py",
-        help="Python file with effects of your own (docs/add_an_effect.md).",
+        help="Python file with effects of your own (docs/add_an_effect.md). IT IS RUN: give none "
+        "that you would not run yourself.",
     ),
 ]
 
@@ -66,7 +67,7 @@ def parse_effects(arguments: Iterable[str] | None) -> dict[str, dict[str, float]
 
 
 def load_effects(path: Path | None) -> tuple[str, ...]:
-    """Make the effects of a file known, if one is given; call it before models are read.
+    """Run a file and make its effects known, if one is given; call it before models are read.
 
     Raises:
         ValueError: what is wrong with the file.

@@ -192,6 +192,15 @@ def find_logs(words: Sequence[str | Path]) -> list[Path]:
             found = [path] if path.is_file() or _is_log(path) else _inside(path)
         else:
             found = [Path(name) for name in sorted(glob.glob(str(word), recursive=True))]
+        for file in found:
+            if not console.is_text(str(file)):
+                raise ValueError(console.not_text(str(file)))
+        if not found and path.is_dir():
+            raise ValueError(
+                f"{console.shown(word)!r} is a folder, and no log lies directly in it (a file "
+                f"ending in {', '.join(ENDINGS)}, a ROS 2 bag or a DataTrace); give the folder of "
+                "the logs, or a pattern in quotes"
+            )
         if not found:
             raise ValueError(
                 f"no log {console.shown(word)!r}; check the name, or record one with "

@@ -77,7 +77,10 @@ def main(
     posterior: Annotated[
         int,
         typer.Option(
-            metavar="N", min=0, help="Draw N robots from the result and write their parameters."
+            metavar="N",
+            min=0,
+            max=1_000_000,
+            help="Draw N robots from the result and write their parameters.",
         ),
     ] = 0,
     by_motion: Annotated[
@@ -92,6 +95,7 @@ def main(
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
     json_file: console.Json = None,
+    force: console.Force = False,
     seed: console.Seed = 0,
     *,
     options: LogOptions,
@@ -102,7 +106,7 @@ def main(
     """
     page_file = None if report is None else report / "index.html"
     draws_file = out.with_suffix(".posterior.csv") if posterior else None
-    console.check_writable(out, json_file, page_file, draws_file)
+    console.check_results(out, json_file, page_file, draws_file, force=force)
     if not logs:
         logs, test = [FIT], test or [TEST]
     given_effects.load_effects(effects)

@@ -90,12 +90,14 @@ def main(
     effects: given_effects.EffectsFile = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
+    force: console.Force = False,
     *,
     options: LogOptions,
 ) -> None:
     """Add what a model is missing until nothing is, and write the final model."""
     given_effects.load_effects(effects)
-    console.check_writable(out, json_file, None if report is None else report / "index.html")
+    page_file = None if report is None else report / "index.html"
+    console.check_results(out, json_file, page_file, force=force)
     if not logs:
         logs, test = [FIT], test or [TEST]
     start = load_model(model)
@@ -171,9 +173,10 @@ def uses(out: Path, logs: list[Log]) -> list[str]:
 
 
 def bar(share: float) -> str:
-    """A bar of characters."""
-    full = max(1, round(BAR * share))
-    return "\u2588" * full + "\u00b7" * (BAR - full)
+    """A bar of characters, of plain ones where the terminal has no others."""
+    full, rest = console.drawable("\u2588\u00b7", "#.")
+    count = max(1, round(BAR * share))
+    return full * count + rest * (BAR - count)
 
 
 def tell(

@@ -79,6 +79,7 @@ def record(
         Path | None, typer.Option(metavar="FILE", help="Write the true model, effects included.")
     ] = None,
     json_file: console.Json = None,
+    force: console.Force = False,
 ) -> None:
     """Drive a plant through a motion and write the log.
 
@@ -86,7 +87,13 @@ def record(
     """
     check_numbers(rate, seconds, speed, frequency)
     loops = check_loops(hold, rate, loop_rate)
-    console.check_writable(log, truth, json_file)
+    options = {
+        "plant": plant, "model": console.shown(model), "motion": motion, "speed": speed,
+        "frequency": frequency, "seconds": seconds, "rate": rate, "loop_rate": loops, "hold": hold,
+        "floor_friction": floor_friction, "seed": seed,
+    }  # fmt: skip
+    command = canonical_command(options, effect, effects, noise, hide, declare)
+    console.check_results(log, truth, json_file, force=force, command=command)
     if log.suffix.lower() != ".csv":
         raise ValueError(f"--out {log}: logs are written as CSV; end the name in .csv")
     given_effects.load_effects(effects)
@@ -106,12 +113,6 @@ def record(
             "sampled" if loops is None else hold, spoil,
         )  # fmt: skip
 
-    options = {
-        "plant": plant, "model": console.shown(model), "motion": motion, "speed": speed,
-        "frequency": frequency, "seconds": seconds, "rate": rate, "loop_rate": loops, "hold": hold,
-        "floor_friction": floor_friction, "seed": seed,
-    }  # fmt: skip
-    command = canonical_command(options, effect, effects, noise, hide, declare)
     declared = [f"recording: drive_hold={hold}"] if declare else []
     decimals = NOISY_DECIMALS if noise else EXACT_DECIMALS
     write_table(

@@ -21,6 +21,7 @@ from controllers import make
 from controllers.training.worlds import MODELS, WORLDS, make_world
 from youbot_env.model_file import load_model
 
+CHECKPOINT = "checkpoint.pt"  # as controllers.training.checkpoint, which imports torch
 ALGORITHMS = ("ppo", "sac", "residual")
 
 
@@ -41,13 +42,17 @@ def train(
     ] = None,
     effects: given_effects.EffectsFile = None,
     steps: Annotated[
-        int | None, typer.Option(min=1, help="Control periods; what the recipe says if left.")
+        int | None,
+        typer.Option(min=1, max=10**9, help="Control periods; what the recipe says if left."),
     ] = None,
     copies: Annotated[
-        int | None, typer.Option(min=1, help="Robots side by side; the recipe's if left.")
+        int | None,
+        typer.Option(min=1, max=65_536, help="Robots side by side; the recipe's if left."),
     ] = None,
     noise: Annotated[bool, typer.Option(help="Noise of the sensors in what is observed.")] = True,
-    seeds: Annotated[int, typer.Option(min=2, help="Unseen seeds of the final exam.")] = 100,
+    seeds: Annotated[
+        int, typer.Option(min=2, max=100_000, help="Unseen seeds of the final exam.")
+    ] = 100,
     seconds: Annotated[float, typer.Option(min=3, max=100, help="Length of its runs, s.")] = 10.0,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="Policy; runs/train/... if left.")
@@ -64,6 +69,7 @@ def train(
     ] = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
+    force: console.Force = False,
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the page with the learning curve.")
     ] = None,
@@ -81,7 +87,8 @@ def train(
     need(*(["onnx"] if onnx else []))
     out = (out or Path(f"runs/train/{algorithm}_{world}.json")).with_suffix(".json")
     page_file = None if report is None else report / "index.html"
-    console.check_writable(json_file, page_file, onnx, out, out.with_suffix(".npz"))
+    console.check_results(json_file, page_file, onnx, out, out.with_suffix(".npz"), force=force)
+    check_checkpoints(checkpoints, resume or force)
     centre = load_model(model or MODELS[world])
 
     from controllers.training.exam import examine
@@ -157,6 +164,15 @@ def check_words(algorithm: str, world: str, resume: bool, checkpoints: Path | No
             raise ValueError(f"{name} {value}: choose one of {', '.join(known)}")
     if resume and checkpoints is None:
         raise ValueError("--resume needs --checkpoints DIR, the folder of the run to go on with")
+
+
+def check_checkpoints(folder: Path | None, may: bool) -> None:
+    """Refuse to begin anew over the state of a run, which hours may have gone into."""
+    if folder is not None and not may and (folder / CHECKPOINT).exists():
+        raise ValueError(
+            f"{str(folder)!r} holds the state of a run: go on with it by --resume, choose another "
+            "folder, or begin anew with --force"
+        )
 
 
 def need(*packages: str) -> None:

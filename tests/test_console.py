@@ -1,6 +1,8 @@
 """What all scripts share: exit statuses, JSON, effects that are given."""
 
 import json
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -134,3 +136,40 @@ def test_console_command_line_hides_where_things_are(console, monkeypatch, tmp_p
     ]
     monkeypatch.setattr(sys, "argv", words)
     assert console.command_line() == "python scripts/fit.py 'a b.csv' --out=m.yaml --n 3"
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
+def test_any_terminal_can_show_what_is_said(tmp_path, encoding):
+    (tmp_path / "plain.py").write_text(
+        f"import sys; sys.path[:0] = [{str(SCRIPTS)!r}]\n"
+        "import console\n"
+        "def command() -> None:\n"
+        "    'Show.'\n"
+        "    with console.progress('d\\u00e9j\\u00e0', 2, '\\u03bcs') as show:\n"
+        "        show(1)\n"
+        "    console.out.print('\\u00b1 0.1', console.drawable('\u2588', '#'))\n"
+        "console.run(command, '')\n"
+    )
+    # With FORCE_COLOR the bar is drawn though nothing is a terminal.
+    env = os.environ | {"PYTHONIOENCODING": encoding, "FORCE_COLOR": "1"}
+    done = subprocess.run(
+        [sys.executable, tmp_path / "plain.py"], capture_output=True, env=env, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "1/2" in done.stderr.decode(encoding)
+    said = done.stdout.decode(encoding)
+    assert ("\u00b1 0.1 \u2588" if encoding == "utf-8" else "? 0.1 #") in said
+
+
+@pytest.mark.parametrize("name", ["identify.py", "record.py", "train.py"])
+def test_help_says_that_a_file_of_effects_is_run(script, name):
+    status, said, _ = script(name, "--help")
+    assert status == 0
+    assert "IT IS RUN" in " ".join(said.split())
+
+
+def test_numbers_without_measure_are_refused_with_their_limit(script):
+    for words in (("identify.py", "--posterior", 10**9), ("train.py", "--seeds", 10**9)):
+        status, _, said = script(*words)
+        assert status == 2
+        assert "less than or equal to" in said or "<=" in said

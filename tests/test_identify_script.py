@@ -152,13 +152,14 @@ def test_bad_input_is_told_and_leaves_nothing(command, logs, tmp_path, arguments
 
 
 def test_a_model_that_predicts_worse_is_not_written(command, logs, tmp_path):
-    (tmp_path / "m.yaml").write_text("the model in use")
+    used = "provenance: {command: python scripts/identify.py before.csv}  # the model in use"
+    (tmp_path / "m.yaml").write_text(used)
     status, shown = command(
         logs / "fit.csv", "--test", logs / "other_robot.csv", "--out", "m.yaml", "--json", "r.json"
     )
     assert status == 1
     assert "predicts worse" in shown.err
-    assert (tmp_path / "m.yaml").read_text() == "the model in use"
+    assert (tmp_path / "m.yaml").read_text() == used
     assert json.loads((tmp_path / "r.json").read_text())["model"] is None
 
 

@@ -210,7 +210,7 @@ def test_unknown_format_and_missing_file_are_named(tmp_path):
         Log.load(tmp_path / "log.bin")
     with pytest.raises(LogError, match="does not exist"):
         Log.load(tmp_path / "nothing.csv")
-    with pytest.raises(LogError, match="format is unknown"):
+    with pytest.raises(LogError, match="it is a folder"):
         Log.load(tmp_path)
 
 

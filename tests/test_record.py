@@ -233,7 +233,7 @@ def test_failed_write_leaves_the_old_log(record, monkeypatch):
         raise OSError(28, "No space left on device", "log.csv")
 
     monkeypatch.setattr(os, "replace", full)
-    status, _, err = record("--seconds", 1, "--out", "log.csv")
+    status, _, err = record("--seconds", 1, "--out", "log.csv", "--force")
     assert status == 2
     assert "No space left on device" in err
     assert Path("log.csv").read_text() == "old"

@@ -1,6 +1,8 @@
 """Reinforcement learning: ends of episodes, training, worlds and commands."""
 
+import io
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +17,7 @@ from controllers.rl_policy import Policy
 from youbot_env.model_file import load_model
 
 pytest.importorskip("stable_baselines3")
-
+import torch
 from small_policies import LAYOUT, native, policy, tiny
 
 from controllers.training.learn import Run
@@ -180,3 +182,59 @@ def test_bad_input_ends_with_status_two_and_writes_nothing(script, tmp_path, opt
     assert status == 2
     assert message in err
     assert list(tmp_path.iterdir()) == []
+
+
+def cut(data):
+    return data[: len(data) // 2]
+
+
+def changed(place, change):
+    """Change what stands at a place of a checkpoint."""
+
+    def spoil(data):
+        tree = torch.load(io.BytesIO(data), weights_only=True)
+        parent = tree
+        for key in place[:-1]:
+            parent = parent[key]
+        parent[place[-1]] = change(parent[place[-1]])
+        stream = io.BytesIO()
+        torch.save(tree, stream)
+        return stream.getvalue()
+
+    return spoil
+
+
+@pytest.fixture(scope="module")
+def started(tmp_path_factory):
+    """A run, its checkpoint, and the content of that."""
+    folder = tmp_path_factory.mktemp("run")
+    run = Run(tiny("ppo"), "nominal", NOMINAL, checkpoints=folder)
+    run.look()
+    run.resume()
+    file = folder / "checkpoint.pt"
+    return run, file, file.read_bytes()
+
+
+NET = ("learner", "policy", "action_net.weight")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "what"),
+    [
+        (cut, "no checkpoint of this project"),
+        (lambda data: b"", "no checkpoint of this project"),
+        (changed(NET, lambda w: w[:, :1]), "does not fit this run"),
+        (changed(NET, lambda w: {"a": w}), "does not fit this run"),
+        (changed(NET, lambda w: w * math.nan), "not finite"),
+        (changed(("scaling", "features_mean"), lambda m: m[:3]), "does not fit this run"),
+        (changed(("scaling", "features_var"), lambda v: -v), "does not fit this run"),
+        (changed(("scaling",), lambda s: {}), "does not fit this run"),
+        (changed(("text",), lambda t: t.replace('"seconds"', '"null"')), "no checkpoint of this"),
+        (changed(("text",), lambda t: t.replace('"seconds": ', '"seconds": -1')), "does not fit"),
+    ],
+)
+def test_a_damaged_checkpoint_is_told(started, spoil, what):
+    run, file, good = started
+    file.write_bytes(spoil(good))
+    with pytest.raises(ValueError, match=rf"checkpoint\.pt(.|\n)*{what}"):
+        run.resume()

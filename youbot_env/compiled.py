@@ -93,7 +93,30 @@ def _traced_step(key: tuple, hidden: Hidden) -> ca.Function:
     return ca.Function("step", [state, command, values, time, h], [result])
 
 
-class Stepper:
+class InPlace:
+    """Calls a CasADi function on arrays that stay where they are; copies and pickles go on equally.
+
+    A buffer of CasADi holds addresses: a copy gets its own, of its own arrays.
+    """
+
+    def _connect(self, function: ca.Function, inputs: tuple, outputs: tuple) -> None:
+        self._function = function  # the buffer does not keep it alive
+        self._inputs, self._outputs = inputs, outputs
+        self._buffer, self._call = function.buffer()
+        for index, array in enumerate(inputs):
+            self._buffer.set_arg(index, memoryview(array))
+        for index, array in enumerate(outputs):
+            self._buffer.set_res(index, memoryview(array))
+
+    def __getstate__(self) -> dict:
+        return {k: v for k, v in self.__dict__.items() if k not in ("_buffer", "_call")}
+
+    def __setstate__(self, state: dict) -> None:
+        self.__dict__.update(state)
+        self._connect(self._function, self._inputs, self._outputs)
+
+
+class Stepper(InPlace):
     """Calls an advance function in place, without copies.
 
     Attributes:
@@ -110,12 +133,8 @@ class Stepper:
         self.values = np.zeros(structure.value_count)
         self._time, self._next = np.zeros(1), np.zeros_like(self.state)
         self._dt = np.array([dt])
-        self._function = function  # the buffer below does not keep it alive
-        self._buffer, self._call = function.buffer()
         inputs = (self.state, self.commands, self.values, self._time, self._dt)
-        for index, array in enumerate(inputs):
-            self._buffer.set_arg(index, memoryview(array))
-        self._buffer.set_res(0, memoryview(self._next))
+        self._connect(function, inputs, (self._next,))
 
     def step(self, t: float = 0.0) -> np.ndarray:
         """Advance ``state`` by dt from time t, s, and return it."""

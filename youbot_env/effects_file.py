@@ -1,4 +1,4 @@
-"""Effects of one's own, from a Python file anywhere."""
+"""Effects of one's own, from a Python file anywhere: the one file that is run as code."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ def load_effects_file(path: str | os.PathLike) -> tuple[str, ...]:
     """
     path = Path(path)
     if path.suffix != ".py" or not path.is_file():
-        raise ValueError(f"no Python file {path.name!r} with effects; check the name")
+        raise ValueError(
+            f"no Python file {path.name!r} with effects; check the name (the file is run as code: "
+            "give none that you would not run yourself)"
+        )
     name = f"effects_of_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     module = sys.modules[name] = importlib.util.module_from_spec(spec)
@@ -48,8 +51,8 @@ def load_effects_file(path: str | os.PathLike) -> tuple[str, ...]:
     if not found:
         del sys.modules[name]
         raise ValueError(
-            f"{path.name} defines no effect; it needs a subclass of youbot_env.effects.Effect with "
-            "an identifier, see docs/add_an_effect.md"
+            f"{path.name} was run and defines no effect; it needs a subclass of "
+            "youbot_env.effects.Effect with an identifier, see docs/add_an_effect.md"
         )
     return tuple(found)
 

@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from youbot_env import schema
+from youbot_env.arguments import check_kind
 from youbot_env.model import Model
 from youbot_env.parameters import UNITS, ImpossibleParameters, Parameters
 from youbot_env.platform import PLATFORMS, Platform, Wheel
 from youbot_env.strict_yaml import read_yaml
 
-SECTIONS = ("name", "platform", "parameters", "effects", "covariance", "provenance")
 SHIPPED = Path(__file__).parent.parent / "models"
 DEGREES = ("roller_angle", "heading")
 # Of correlations; those of models/identified.yaml are symmetric to 2e-16.
@@ -35,11 +36,13 @@ def load_model(source: str | os.PathLike | Model) -> Model:
             model, which is returned as it is.
 
     Raises:
+        TypeError: none of these.
         ModelFileError: unreadable file, malformed YAML, unknown or missing entries.
         ImpossibleParameters: values that no robot can have.
     """
     if isinstance(source, Model):
         return source
+    check_kind("model", source, (str, os.PathLike), "a model, the path of its file or a name")
     path = find_model(source)
     try:
         data = read_yaml(path)
@@ -70,9 +73,9 @@ def find_model(source: str | os.PathLike) -> Path:
 def model_from_dict(data: object, default_name: str = "model") -> Model:
     """Build a model from the content of a model file."""
     if not isinstance(data, dict):
-        raise ModelFileError(f"expected sections {SECTIONS}, found {type(data).__name__}")
-    _refuse_unknown(data, SECTIONS, "among the sections")
-    for section in ("platform", "parameters"):
+        raise ModelFileError(f"expected sections {schema.MODEL.names}, found {type(data).__name__}")
+    _refuse_unknown(data, schema.MODEL.names, "among the sections")
+    for section in schema.MODEL.needed:
         if section not in data:
             raise ModelFileError(f"section {section!r} is missing")
     platform = platform_from_dict(data["platform"])
@@ -80,7 +83,7 @@ def model_from_dict(data: object, default_name: str = "model") -> Model:
     values, sources, errors = {}, {}, {}
     for name, entry in entries.items():
         entry = entry if isinstance(entry, dict) else {"value": entry}
-        _refuse_unknown(entry, ("value", "unit", "standard_error", "source"), f"in {name}")
+        _refuse_unknown(entry, schema.PARAMETER.names, f"in {name}")
         if "value" not in entry:
             raise ModelFileError(f"parameters: {name} has no value")
         if name in UNITS and entry.get("unit", UNITS[name]) != UNITS[name]:
@@ -90,10 +93,15 @@ def model_from_dict(data: object, default_name: str = "model") -> Model:
         values[name] = entry["value"]
         sources[name] = str(entry.get("source", ""))
         if entry.get("standard_error") is not None:
-            errors[name] = _number(entry["standard_error"], f"standard_error of {name}")
+            error = _number(entry["standard_error"], f"standard_error of {name}")
+            errors[name] = schema.PARAMETER["standard_error"].check(error, f"{name}: ")
+    parameters = Parameters.from_mapping(values)
+    for entry in schema.PARAMETERS.entries:
+        # What is too small is told together, as of a robot that cannot be.
+        entry.check(max(getattr(parameters, entry.name), entry.low), "parameters: ")
     model = Model(
         platform,
-        Parameters.from_mapping(values),
+        parameters,
         name=str(data.get("name", default_name)),
         sources=sources,
         standard_errors=errors,
@@ -186,9 +194,17 @@ def platform_to_dict(platform: Platform) -> dict:
     data = asdict(platform)
     for wheel in data["wheels"]:
         for name in DEGREES:
-            wheel[f"{name}_deg"] = round(math.degrees(wheel.pop(name)), 9)
+            wheel[f"{name}_deg"] = _degrees(wheel.pop(name))
     data["wheels"] = list(data["wheels"])
     return data
+
+
+def _degrees(angle: float) -> float:
+    """Degrees that turn back into exactly this angle, rad: the roundest near it that do."""
+    exact = math.degrees(angle)
+    near = (math.nextafter(exact, side) for side in (-math.inf, math.inf))
+    candidates = (*(round(exact, digits) for digits in (9, 12)), exact, *near)
+    return next((d for d in candidates if math.radians(d) == angle), exact)
 
 
 def save_model(model: Model, path: str | os.PathLike) -> None:
@@ -200,7 +216,8 @@ def save_model(model: Model, path: str | os.PathLike) -> None:
 def write_atomically(path: str | os.PathLike, content: str | bytes) -> Path:
     """Write to a temporary file beside ``path``, rename it into place, and return the path.
 
-    A link stays a link: the file that it leads to is replaced.
+    The content is on the disk before the name is, so that a power cut leaves the old file or the
+    new one.  A link stays a link: the file that it leads to is replaced.
     """
     path = Path(path)
     target = path.resolve() if path.is_symlink() else path
@@ -210,6 +227,8 @@ def write_atomically(path: str | os.PathLike, content: str | bytes) -> Path:
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
         os.chmod(temporary, 0o644)
         os.replace(temporary, target)
     except BaseException:
@@ -233,9 +252,8 @@ def platform_from_dict(data: object) -> Platform:
             raise ModelFileError(f"unknown platform {data!r}; known: {sorted(PLATFORMS)}")
         return PLATFORMS[data]()
     data = dict(_mapping(data, "platform"))
-    fields = ("name", "wheels", "wheel_radius", "roller_radius", "wheel_mass")
-    _refuse_unknown(data, fields, "in platform")
-    for name in ("wheels", "wheel_radius", "roller_radius"):
+    _refuse_unknown(data, schema.PLATFORM.names, "in platform")
+    for name in schema.PLATFORM.needed:
         if name not in data:
             raise ModelFileError(f"platform: {name} is missing")
     wheels, table = [], data.pop("wheels")
@@ -254,12 +272,16 @@ def platform_from_dict(data: object) -> Platform:
         numbers = {key: float(value) for key, value in data.items()}
     except (TypeError, ValueError) as error:
         raise ModelFileError(f"platform: {data}: {error}") from error
+    for key, value in numbers.items():
+        schema.PLATFORM[key].check(value, "platform: ")
     return Platform(name, tuple(wheels), **numbers)
 
 
 def _wheel(entry: dict, number: int) -> Wheel:
-    fields = ("name", "x", "y", "distance", "at_deg", "roller_angle_deg", "heading_deg")
-    _refuse_unknown(entry, fields, "in wheels")
+    _refuse_unknown(entry, schema.WHEEL.names, "in wheels")
+    for key in entry:
+        if key != "name":
+            schema.WHEEL[key].check(float(entry[key]), "")
     if "distance" in entry or "at_deg" in entry:
         distance, at = float(entry.pop("distance")), float(entry.pop("at_deg"))
         if "x" in entry or "y" in entry:

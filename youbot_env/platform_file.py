@@ -11,6 +11,7 @@ from pathlib import Path
 
 import yaml
 
+from youbot_env import schema
 from youbot_env.model_file import ModelFileError, platform_from_dict
 from youbot_env.platform import PLATFORMS, Platform, mecanum, youbot
 from youbot_env.strict_yaml import read_yaml
@@ -113,7 +114,12 @@ def _mecanum(name: str, entries: dict[str, object]) -> Platform:
     found, usual = {k: _positive(value, k) for k, value in entries.items()}, youbot()
     roller = found.get("r", found["R"] * usual.roller_radius / usual.wheel_radius)
     mass = found.get("m", usual.wheel_mass)
+    sizes = {"wheel_radius": found["R"], "roller_radius": roller, "wheel_mass": mass}
     try:
+        for key, value in sizes.items():
+            schema.PLATFORM[key].check(value, "")
+        for letter in "lh":
+            schema.WHEEL["distance"].check(found[letter], f"{letter}, a ")
         return mecanum(name, found["l"], found["h"], found["R"], roller, mass)
     except ValueError as error:
         raise ModelFileError(str(error)) from error

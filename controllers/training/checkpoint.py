@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import io
 import json
-import pickle
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -62,7 +62,26 @@ class Checkpoint:
         return cls(algorithm.num_timesteps, seconds, list(curve), learner, scaling, memory)
 
     def restore(self, algorithm: BaseAlgorithm, env: VecNormalize) -> None:
-        """Put the state into a run that was made in the same way."""
+        """Put the state into a run that was made in the same way.
+
+        Raises:
+            ValueError: it does not fit, or holds numbers that are not finite; the run is of no use
+                any more then.
+        """
+        try:
+            self._restore(algorithm, env)
+        # What is missing or of another shape makes the libraries fail in these ways.
+        except (RuntimeError, LookupError, TypeError, ValueError, AttributeError) as error:
+            text = (str(error).splitlines() or [type(error).__name__])[-1].strip()[:200]
+            raise ValueError(f"the checkpoint does not fit this run: {text}") from error
+
+    def _restore(self, algorithm: BaseAlgorithm, env: VecNormalize) -> None:
+        if not (isinstance(self.steps, int) and self.steps >= 0 and 0 <= self.seconds < math.inf):
+            raise ValueError(f"{self.steps} steps in {self.seconds} s")
+        for name in ("learner", "scaling", "memory"):
+            for tensor in _tensors(getattr(self, name)):
+                if not torch.isfinite(tensor).all():
+                    raise ValueError(f"{name} holds numbers that are not finite")
         learner = dict(self.learner)
         if (entropy := learner.pop("log_ent_coef", None)) is not None:
             algorithm.log_ent_coef.data = entropy
@@ -70,7 +89,9 @@ class Checkpoint:
         algorithm.num_timesteps = self.steps
         for name, statistics in (("features", env.obs_rms), ("rewards", env.ret_rms)):
             for part in ("mean", "var", "count"):
-                value = self.scaling[f"{name}_{part}"].numpy()
+                value, now = self.scaling[f"{name}_{part}"].numpy(), getattr(statistics, part)
+                if value.shape != np.shape(now) or (part != "mean" and not (value > 0).all()):
+                    raise ValueError(f"{part} of {name} is {value.shape}, {np.shape(now)} is used")
                 setattr(statistics, part, value if value.ndim else float(value))
         if self.memory:
             buffer, filled = algorithm.replay_buffer, len(self.memory["rewards"])
@@ -101,13 +122,13 @@ class Checkpoint:
         try:
             data = torch.load(path, weights_only=True, map_location="cpu")
             text = json.loads(data["text"])
-            known = text.pop("identity")
+            known = dict(text["identity"])
+            told = {name: text[name] for name in ("steps", "seconds", "curve")}
             parts = {name: data[name] for name in ("learner", "scaling", "memory")}
-        # An empty file ends early; RuntimeError covers text nested too deeply.
-        except (
-            pickle.UnpicklingError, EOFError, RuntimeError, KeyError, TypeError, ValueError
-        ) as error:  # fmt: skip
-            raise ValueError(f"{path} is no checkpoint of this project: {error}") from error
+        # A damaged file makes the library fail in many ways, some of them of a deeper layer's.
+        except Exception as error:
+            text = (str(error).splitlines() or [type(error).__name__])[0][:200]
+            raise ValueError(f"{path} is no checkpoint of this project: {text}") from error
         other = [name for name, value in json.loads(json.dumps(identity)).items()
                  if known.get(name) != value]  # fmt: skip
         if other:
@@ -115,4 +136,13 @@ class Checkpoint:
                 f"{path} is of a run with another {' and '.join(other)}; give the options of that "
                 "run, or another folder"
             )
-        return cls(**text, **parts)
+        return cls(**told, **parts)
+
+
+def _tensors(tree: object) -> Iterator[torch.Tensor]:
+    """All tensors of a tree of mappings and lists."""
+    if isinstance(tree, torch.Tensor):
+        yield tree
+    elif isinstance(tree, dict | list | tuple):
+        for value in tree.values() if isinstance(tree, dict) else tree:
+            yield from _tensors(value)

@@ -101,6 +101,8 @@ def write_onnx(policy: Policy, path: Path) -> Path:
     model = helper.make_model(
         graph, producer_name="youbot-workbench", opset_imports=[helper.make_opsetid("", OPSET)]
     )
+    command = dict(policy.training.get("provenance") or {}).get("command", "")
+    helper.set_model_props(model, {"command": str(command)})
     model.ir_version = 8
     checker.check_model(model, full_check=True)
     return write_atomically(path, model.SerializeToString())

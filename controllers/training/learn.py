@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
 import youbot_env
 from controllers import find, make
-from controllers.training.checkpoint import Checkpoint
+from controllers.training.checkpoint import FILE, Checkpoint
 from controllers.training.export import to_policy
 from controllers.training.lesson import Lesson
 from controllers.training.recipe import Recipe
@@ -104,13 +104,18 @@ class Run:
         start anew, with seeds of their own.
 
         Raises:
-            ValueError: no checkpoint there, or one of another run.
+            ValueError: no checkpoint there, one of another run, or one that is damaged.
         """
         state = Checkpoint.load(self.checkpoints, self._identity())
         self.algorithm = self._make_algorithm(state.steps)
         self.env = self.algorithm.get_env()
-        state.restore(self.algorithm, self.env)
-        self.curve = [Look(**look) for look in state.curve]
+        try:
+            state.restore(self.algorithm, self.env)
+            self.curve = [Look(**look) for look in state.curve]
+        except (TypeError, ValueError) as error:
+            raise ValueError(
+                f"{self.checkpoints / FILE}: {error}; leave out --resume to start anew"
+            ) from error
         self.seconds = state.seconds
 
     def learn(self, show: Callable[[int, float], None] = lambda steps, speed: None) -> None:

@@ -16,6 +16,9 @@ from ident.doctor.table import Table
 from youbot_env.channels import channel_columns
 from youbot_env.platform import Platform
 
+# What no sensor of a robot gives, in any unit (nanoseconds since 1970 are 2e18): read from memory
+# that was never written, and too large to be squared.
+IMPOSSIBLE = 1e30
 MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "?")
 CORNERS = {"bl": "rl", "br": "rr"}
 DECORATED = re.compile(r"^(?P<minus>-?)\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?$")
@@ -271,6 +274,13 @@ def _canonical(column: str, platform: Platform) -> str:
 
 
 def _numbers(cells, column: str, record: Record) -> np.ndarray:
+    """Turn cells into floats; missing and impossible ones become NaN."""
+    numbers = _floats(cells, column, record)
+    with np.errstate(invalid="ignore"):
+        return np.where(np.abs(numbers) < IMPOSSIBLE, numbers, np.nan)
+
+
+def _floats(cells, column: str, record: Record) -> np.ndarray:
     """Turn cells into floats; missing ones become NaN, other text is refused by line."""
     if not isinstance(cells, pl.Series):
         return np.asarray(cells, float)

@@ -8,6 +8,8 @@ from ident.doctor.record import Record, runs
 from ident.doctor.resolution import resolution
 from ident.doctor.standing import Standing
 
+DEAD = 1e-4  # of what its fellows reach at times: a channel that changes by less says nothing
+OFTEN = 90.0  # percentile of their sizes; spikes are still there, and one must not make others dead
 LONG = 0.3  # s without any change
 ACTIVE = 0.1  # share of its rms by which the others move meanwhile
 MOST_STUCK = 0.2  # fraction of a log that may be cut out
@@ -46,8 +48,9 @@ def _column(
     values = record.channels[channel]
     own, stuck = np.ascontiguousarray(values[:, column]), np.zeros(len(values), bool)
     limits = {float(own.min()), float(own.max())}
-    if len(limits) == 1:
-        changing = np.any(np.ptp(values, axis=0) > 0)
+    least = DEAD * float(np.percentile(np.abs(values), OFTEN, axis=0).max())
+    if np.ptp(own) <= least:
+        changing = np.any(np.ptp(values, axis=0) > least)
         if changing and not standing.excused(channel, column, 0, len(own), float(own[0])):
             what = f"always {own[0]:.6g} while the others change"
             record.refuse("stuck_sensor", what, record.name(channel, [column]), "repair the sensor")

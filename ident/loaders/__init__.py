@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -11,7 +13,7 @@ from ident.doctor.finding import LogError
 from ident.loaders.base import Loader, Table, refuse
 from youbot_env.platform import Platform
 
-__all__ = ["Loader", "Table", "find_loader", "loaders", "read"]
+__all__ = ["Loader", "Table", "damage_told", "find_loader", "loaders", "read"]
 
 
 @cache
@@ -37,6 +39,9 @@ def find_loader(path: Path) -> Loader:
     for loader in loaders():
         if loader.recognises(path):
             return loader
+    if path.is_dir():
+        what = "it is a folder, and neither a ROS 2 bag nor a DataTrace"
+        raise refuse(path, what, "folder", "give the file of a log")
     known = ", ".join(loader.title for loader in loaders())
     raise refuse(path, "the format is unknown", "file", f"give one of these: {known}")
 
@@ -48,16 +53,27 @@ def read(path: Path, platform: Platform) -> Table:
         LogError: the file cannot be read, whatever the library that reads it thinks of it.
     """
     loader = find_loader(path)
-    try:
+    with damage_told(path, f"damaged, or no {loader.title} file", Exception):
         return loader.read(path, platform)
+
+
+@contextmanager
+def damage_told(path: Path, what: str, *kinds: type[Exception]) -> Iterator[None]:
+    """Turn what libraries think of a damaged file into the one error of logs.
+
+    Args:
+        path: of the log.
+        what: is wrong with it if they fail.
+        kinds: of exceptions that are failures of them; panics of libraries in Rust, which go past
+            ``Exception``, always are.
+    """
+    try:
+        yield
     except (LogError, MemoryError):
         raise
     except BaseException as error:
-        # Readers of binary formats panic over damaged files, past ``Exception``.
         panic = type(error).__name__ == "PanicException"
-        if not (panic or isinstance(error, Exception)):
+        if not (panic or isinstance(error, kinds)):
             raise
-        what = "" if panic else f": {(str(error).splitlines() or [type(error).__name__])[0][:200]}"
-        raise refuse(
-            path, f"damaged, or no {loader.title} file{what}", "file", "copy or write it again"
-        ) from error
+        text = "" if panic else f": {(str(error).splitlines() or [type(error).__name__])[0][:200]}"
+        raise refuse(path, f"{what}{text}", "file", "copy or write it again") from error

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +19,20 @@ from youbot_env.platform import Platform
 # Rows times columns of one file, 0.4 GB as numbers: 40 minutes of 20 columns at 1 kHz. Compressed,
 # such a file may be small: 323 kB held 3 GB.
 MOST_CELLS = 50_000_000
+
+
+@contextmanager
+def _no_panic_shown() -> Iterator[None]:
+    """Keep Rust from writing its panics to the process's stderr; they come as exceptions, too."""
+    sys.stderr.flush()
+    shown, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(shown, 2)
+        os.close(shown)
+        os.close(nowhere)
 
 
 class ParquetLoader(Loader):
@@ -32,11 +50,12 @@ class ParquetLoader(Loader):
         import polars as pl
 
         try:
-            # Both come from the metadata, before any row is unpacked.
-            rows = pl.scan_parquet(path).select(pl.len()).collect().item()
-            columns = len(pl.read_parquet_schema(path))
-            frame = pl.read_parquet(path) if rows * columns <= MOST_CELLS else None
-            stated = pl.read_parquet_metadata(path)
+            with _no_panic_shown():
+                # Both come from the metadata, before any row is unpacked.
+                rows = pl.scan_parquet(path).select(pl.len()).collect().item()
+                columns = len(pl.read_parquet_schema(path))
+                frame = pl.read_parquet(path) if rows * columns <= MOST_CELLS else None
+                stated = pl.read_parquet_metadata(path)
         except (pl.exceptions.PolarsError, OSError, ValueError) as error:
             text = str(error).splitlines()[0]
             raise refuse(path, f"damaged Parquet ({text})", "file", "copy it again") from error
@@ -51,6 +70,8 @@ class ParquetLoader(Loader):
         except ValueError as error:
             raise refuse(path, str(error), "metadata", "write the file again") from error
         for name, column in zip(frame.columns, frame.iter_columns(), strict=True):
+            if column.dtype in (pl.Duration, pl.Datetime):
+                table.units[name] = "s"  # so that it cannot pass for a torque or a speed
             if column.dtype == pl.Duration:
                 column = column.dt.total_nanoseconds().cast(pl.Float64) * 1e-9
             elif column.dtype == pl.Datetime:

@@ -10,11 +10,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from ident.loaders.base import Loader, Table, head, refuse
 from ident.loaders.joint_states import JOINTS, JointStates
 from ident.loaders.ros_messages import FIELDS, PREFERENCE
 from youbot_env.platform import Platform
+from youbot_env.strict_yaml import read_yaml
 
 MAGIC = {b"#ROSBAG V": "ROS 1", b"\x89MCAP0\r\n": "MCAP", b"SQLite format 3": "sqlite3"}
 CLOCK_TOLERANCE = 0.05  # s, between the clocks of two topics
@@ -92,6 +94,14 @@ def _collect(path: Path) -> tuple[dict[str, Topic], JointStates]:
         raise refuse(
             path, "reading bags needs the package rosbags", "bag", "pip install rosbags"
         ) from error
+    if path.is_dir():
+        # The library's own reader of YAML writes aliases of aliases out, and does not end.
+        try:
+            read_yaml(path / "metadata.yaml")
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            text = " ".join(str(error).split())[:200]
+            remedy = "write it again (ros2 bag reindex)"
+            raise refuse(path, f"damaged metadata ({text})", "metadata.yaml", remedy) from error
     topics: dict[str, Topic] = {}
     states = JointStates()
     try:

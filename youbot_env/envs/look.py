@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from youbot_env.backend import casadi_ops
+from youbot_env.compiled import InPlace
 from youbot_env.envs.task import TrackingTask
 from youbot_env.references import Reference
 
@@ -50,7 +51,7 @@ def look_function(task: TrackingTask, reference: Reference) -> ca.Function:
     return ca.Function("look", [motion, action, values, t, noise], outputs)
 
 
-class Look:
+class Look(InPlace):
     """Calls a look function in place.
 
     Attributes:
@@ -66,14 +67,9 @@ class Look:
         self._motion, self._time = np.zeros(6), np.zeros(1)
         self._observation = np.zeros(task.observation_space.shape)
         self._reward, self._lost = np.zeros(1), np.zeros(1)
-        self._function = function  # the buffer below does not keep it alive
-        self._buffer, self._call = function.buffer()
         inputs = (self._motion, self.action, self.values, self._time, self.noise)
         outputs = (self._observation, self._reward, self._lost, self.wanted, self.twist)
-        for index, array in enumerate(inputs):
-            self._buffer.set_arg(index, memoryview(array))
-        for index, array in enumerate(outputs):
-            self._buffer.set_res(index, memoryview(array))
+        self._connect(function, inputs, outputs)
 
     def __call__(self, motion, t: float) -> tuple[np.ndarray, float, bool]:
         """Return ``(observation float32, reward, lost)`` at motion (6,) and time t, s."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from youbot_env.arguments import check_names
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
 from youbot_env.parameters import ImpossibleParameters, Parameters
@@ -51,8 +52,14 @@ class Independent(Randomization):
     spec: dict[str, tuple[str, float, float]]
 
     def __post_init__(self) -> None:
-        for name, entry in self.spec.items():
-            if len(entry) != 3 or entry[0] not in ("uniform", "normal", "scale"):
+        for name, entry in check_names("spec", self.spec, "{name: (kind, a, b)}").items():
+            whole = isinstance(entry, tuple | list) and len(entry) == 3
+            kind, *ends = entry if whole else ("",)
+            numbers = all(isinstance(end, int | float | np.number) for end in ends)
+            if (
+                kind not in ("uniform", "normal", "scale")
+                or not np.isfinite(ends if numbers else np.nan).all()
+            ):
                 raise ValueError(
                     f"randomization of {name}: {entry!r}; give ('uniform', low, high), "
                     "('normal', mean, deviation) or ('scale', low, high)"

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from youbot_env.arguments import check_kind, check_names
 from youbot_env.envs.noise import noise_scale
 from youbot_env.envs.randomization import Randomization
 from youbot_env.envs.task import TrackingTask
@@ -38,7 +39,7 @@ class TrackingSettings:
         wheel_loop: gains of the loops on board (level ``velocity``).
 
     Raises:
-        TypeError: an unknown argument.
+        TypeError: an unknown argument, or one of a wrong type.
         ValueError: an argument that cannot be used; the message names value and remedy.
     """
 
@@ -56,6 +57,16 @@ class TrackingSettings:
     reveal_parameters: bool = False
     sensors: Sensors | None = None
     wheel_loop: WheelLoop | None = None
+
+    def __post_init__(self) -> None:
+        if self.reference_options is not None:
+            check_names("reference_options", self.reference_options, "a mapping of names")
+        check_kind("reveal_parameters", self.reveal_parameters, (bool, np.bool_), "True or False")
+        for name, kind in (
+            ("randomization", Randomization), ("sensors", Sensors), ("wheel_loop", WheelLoop)
+        ):  # fmt: skip
+            wanted = f"a {kind.__name__} or None"
+            check_kind(name, getattr(self, name), (kind, type(None)), wanted)
 
     @cached_property
     def robot(self) -> Model:

@@ -21,6 +21,13 @@ POSITION_SCALE, YAW_SCALE = 0.1, 0.2
 EFFORT_SHARE = 0.1
 # Beyond these the robot has lost its reference and the episode ends.
 LOST_DISTANCE, LOST_YAW = 1.0, math.pi / 2
+# Limits of what an argument can make large or small.  An environment with a preview of 500 takes
+# 3 s to make; forces beyond these let positions overflow in one period, and rewards become NaN.
+SHORTEST = 1e-5  # s, of a control period
+LARGEST = {
+    "preview": 500, "preview_stride": 10_000, "dt": 1.0, "torque_limit": 1e4, "speed_limit": 100.0,
+    "yaw_rate_limit": 1000.0,
+}  # fmt: skip
 # Bounds of the observation; the driver's own limits are 0.8 m/s and 1.6 rad/s.
 SPEED_BOUND, YAW_RATE_BOUND = 4.0, 12.0
 
@@ -53,13 +60,17 @@ class TrackingTask:
         if self.action_level not in LEVELS:
             raise ValueError(f"action_level = {self.action_level!r}; choose one of {LEVELS}")
         for name, low in (("preview", 0), ("preview_stride", 1)):
-            value = getattr(self, name)
-            if not isinstance(value, int) or value < low:
-                raise ValueError(f"{name} = {value!r}; give a whole number of at least {low}")
+            value, high = getattr(self, name), LARGEST[name]
+            whole = isinstance(value, int) and not isinstance(value, bool)
+            if not whole or not low <= value <= high:
+                raise ValueError(f"{name} = {value!r}; give a whole number from {low} to {high}")
+        if isinstance(self.dt, int | float) and 0 < self.dt < SHORTEST:
+            raise ValueError(f"dt = {self.dt!r}; give at least {SHORTEST:g} s")
         for name in ("dt", "torque_limit", "speed_limit", "yaw_rate_limit"):
-            value = getattr(self, name)
-            if not (isinstance(value, int | float) and 0 < value < math.inf):
-                raise ValueError(f"{name} = {value!r}; give a positive number")
+            value, high = getattr(self, name), LARGEST[name]
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or not 0 < value <= high:
+                raise ValueError(f"{name} = {value!r}; give a positive number of at most {high:g}")
 
     @property
     def action_space(self) -> spaces.Box:

@@ -76,7 +76,7 @@ class TrackingEnv(gym.Env):
             **settings: fields of ``TrackingSettings``.
 
         Raises:
-            TypeError: an unknown argument.
+            TypeError: an unknown argument, or one of a wrong type.
             ValueError: an argument that cannot be used; the message names value and remedy.
         """
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
@@ -226,6 +226,10 @@ class TrackingEnv(gym.Env):
             pose, wanted.copy(), np.array(self._trail), self._path,
             np.array(self._torque), self.task.torque_limit, caption,
         )  # fmt: skip
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the window: a copy or a pickle goes on bit by bit, and opens one of its own."""
+        return self.__dict__ | {"_view": None}
 
     def close(self) -> None:
         """Close the window."""

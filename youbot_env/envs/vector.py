@@ -20,6 +20,9 @@ from youbot_env.simulation import choose_substeps
 from youbot_env.simulation.analytic import history_length
 from youbot_env.stepping import advance
 
+# Copies of one environment: a million take about 2 GB.
+MOST_COPIES = 1_000_000
+
 
 class TrackingVectorEnv(VectorEnv):
     """The native vector environment behind ``gym.make_vec("YouBot-v0", num_envs=...)``.
@@ -40,8 +43,10 @@ class TrackingVectorEnv(VectorEnv):
         **settings: Any,
     ):
         """Make ``num_envs`` copies; ``settings`` are fields of ``TrackingSettings``."""
-        if not isinstance(num_envs, int) or num_envs < 1:
-            raise ValueError(f"num_envs = {num_envs!r}; give a whole number of at least 1")
+        if not isinstance(num_envs, int) or not 1 <= num_envs <= MOST_COPIES:
+            raise ValueError(
+                f"num_envs = {num_envs!r}; give a whole number from 1 to {MOST_COPIES}"
+            )
         if render_mode is not None:
             raise ValueError(
                 f"render_mode = {render_mode!r}: the native vector environment draws nothing; use "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from youbot_env.arguments import check_kind
 from youbot_env.references.base import Motion, Reference, rotate_to_body
 from youbot_env.references.calibration import (
     MotionI,
@@ -72,12 +73,15 @@ def make_reference(reference: str | os.PathLike | Reference, **options) -> Refer
         **options: arguments of the named reference (speed, frequency, ...).
 
     Raises:
-        ValueError: unknown name or unusable motion file; TypeError: unknown option.
+        ValueError: unknown name or unusable motion file.
+        TypeError: no reference at all, or an unknown option.
     """
     if isinstance(reference, Reference):
         if options:
             raise TypeError(f"{sorted(options)}: give options with a name, not with an object")
         return reference
+    kinds = (str, os.PathLike)
+    check_kind("reference", reference, kinds, "a name, the path of a motion file or a Reference")
     if Path(reference).suffix in (".yaml", ".yml"):
         if options:
             raise ValueError(

@@ -17,6 +17,8 @@ import numpy as np
 from youbot_env.backend import NUMPY, Ops
 
 Range = float | tuple[float, float]
+# Speed, m/s, and frequency, rad/s, beyond which positions would lose their digits.
+LARGEST = 1e4
 
 
 class Motion(NamedTuple):
@@ -70,10 +72,11 @@ class Reference:
         for name, low in (("speed", 0.0), ("frequency", 1e-6)):
             value = getattr(self, name)
             ends = value if isinstance(value, tuple) else (value, value)
-            if len(ends) != 2 or not low <= ends[0] <= ends[1] < float("inf"):
+            numbers = all(isinstance(end, int | float | np.number) for end in ends)
+            if not numbers or len(ends) != 2 or not low <= ends[0] <= ends[1] <= LARGEST:
                 raise ValueError(
                     f"{type(self).__name__}: {name} = {value!r}; give a number of at least {low} "
-                    "or a (low, high) pair"
+                    f"and at most {LARGEST:g}, or a (low, high) pair"
                 )
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:

@@ -13,10 +13,10 @@ import yaml
 
 from youbot_env.model_file import write_atomically
 from youbot_env.references.harmonic import Harmonic
+from youbot_env.schema import MOST_SINES, MOTION, SINE
 from youbot_env.strict_yaml import read_yaml
 
 AXES = ("x", "y", "yaw")
-ENTRIES = ("kind", "purpose", "frequency", "speed", *AXES, "about")
 KIND = "fourier"
 
 
@@ -120,31 +120,37 @@ def motion_text(motion: Fourier) -> str:
     }  # fmt: skip
     lines.append(yaml.safe_dump(head, sort_keys=False).rstrip())
     for axis, amplitudes, phases in zip(AXES, motion.amplitudes, motion.phases, strict=True):
-        lines.append(f"{axis}:")
+        lines.append(f"{axis}:" if amplitudes else f"{axis}: []")
         pairs = zip(amplitudes, phases, strict=True)
-        lines += [f"  - [{float(a):.9g}, {float(p):.9g}]" for a, p in pairs]
+        lines += [f"  - [{_short(a)}, {_short(p)}]" for a, p in pairs]
     if motion.about:
         about = yaml.safe_dump({"about": motion.about}, sort_keys=False, allow_unicode=True)
         lines.append(about.rstrip())
     return "\n".join(lines) + "\n"
 
 
+def _short(number: float) -> str:
+    """Nine digits where they say it exactly, else all."""
+    text = f"{number:.9g}"
+    return text if float(text) == number else repr(float(number))
+
+
 def _from_dict(data: object) -> Fourier:
     if not isinstance(data, dict):
-        raise ValueError(f"expected entries {list(ENTRIES)}, found {type(data).__name__}")
-    unknown = [key for key in data if key not in ENTRIES]
-    missing = [key for key in ("kind", "frequency", *AXES) if key not in data]
+        raise ValueError(f"expected entries {list(MOTION.names)}, found {type(data).__name__}")
+    unknown = [key for key in data if key not in MOTION.names]
+    missing = [key for key in MOTION.needed if key not in data]
     if unknown or missing:
         raise ValueError(
             f"missing entries {missing}, unknown entries {unknown}; a motion file has "
-            f"{list(ENTRIES)}"
+            f"{list(MOTION.names)}"
         )
     if data["kind"] != KIND:
         raise ValueError(f"kind {data['kind']!r} is not known; this version reads {KIND!r}")
     rows = [_pairs(axis, data[axis]) for axis in AXES]
     return Fourier(
-        speed=float(data.get("speed", 0.3)),
-        frequency=float(data["frequency"]),
+        speed=MOTION["speed"].check(float(data.get("speed", 0.3)), ""),
+        frequency=MOTION["frequency"].check(float(data["frequency"]), ""),
         amplitudes=tuple(tuple(row[:, 0].tolist()) for row in rows),
         phases=tuple(tuple(row[:, 1].tolist()) for row in rows),
         purpose=str(data.get("purpose", "")),
@@ -163,4 +169,8 @@ def _pairs(axis: str, entries: object) -> np.ndarray:
                 f"{axis}: line {number} holds {entry!r}; give a pair [amplitude, phase] of finite "
                 "numbers"
             )
+        for part, value in zip(SINE.entries, numbers, strict=True):
+            part.check(value, f"{axis}, line {number}: ")
+    if len(entries) > MOST_SINES:
+        raise ValueError(f"{axis}: {len(entries)} sines; give at most {MOST_SINES}")
     return np.array(entries, float).reshape(-1, 2)

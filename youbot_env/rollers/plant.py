@@ -9,17 +9,19 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from youbot_env.arguments import check_kind, check_number
 from youbot_env.backend import FLOAT
 from youbot_env.model import Model
 from youbot_env.plant import Robot, Structure
 from youbot_env.rollers.bodies import Bodies
 from youbot_env.rollers.camera import Camera
+from youbot_env.simulation.analytic import LONGEST, SHORTEST
 
 # Laws that replace the rolling of ideal wheels; here wheels roll by themselves.
 INEXPRESSIBLE = ("kinematics", "slip")
 # Laws that stand for what rollers and contacts do here by themselves.
 PHYSICS = ("roller_ripple", "wheel_slip")
-FLOOR_FRICTION = 0.8
+FLOOR_FRICTION, MOST_FRICTION = 0.8, 10.0
 
 
 class RollersPlant:
@@ -57,7 +59,12 @@ class RollersPlant:
         floor_friction: float | None = None,
         timestep: float = 0.001,
     ):
+        check_kind("model", model, Model, "a Model, as load_model returns it")
         model.check()
+        check_number("timestep", timestep, SHORTEST, LONGEST)
+        check_number("dt", dt, SHORTEST, LONGEST)
+        if floor_friction is not None:
+            check_number("floor_friction", floor_friction, 0.0, MOST_FRICTION)
         self._substeps = round(dt / timestep)
         if self._substeps < 1 or abs(self._substeps * timestep - dt) > 1e-9:
             raise ValueError(
@@ -90,6 +97,10 @@ class RollersPlant:
             ValueError: a dt that is no multiple of the physics step.
         """
         return RollersPlant(self.model, dt, self._floor_friction, self._timestep)
+
+    def __getstate__(self) -> dict:
+        """All but the camera, whose pictures live on the graphics card."""
+        return self.__dict__ | {"_camera": None}
 
     def reset(self, pose=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), wheel_angle=0.0) -> None:
         """Place the robot on the floor, rolling, with relaxed effects.

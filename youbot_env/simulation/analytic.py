@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from youbot_env.arguments import check_kind, check_number
 from youbot_env.backend import FLOAT
 from youbot_env.compiled import Stepper
 from youbot_env.model import Model
@@ -14,6 +15,8 @@ from youbot_env.plant import Structure
 # A Runge-Kutta step may be this fraction of the fastest time constant.  At 0.5 the fourth-order
 # error of one step stays below 1e-6 of the change within it.
 STEP_FRACTION = 0.5
+# Sample times, s, between which a simulation makes sense; effects keep the commands of 0.2 s.
+SHORTEST, LONGEST = 1e-5, 10.0
 # Steps in a sample beyond which nobody waits for the end of a simulation: the stiffest law of the
 # library takes some tens at 20 Hz.
 MOST_SUBSTEPS = 2000
@@ -82,9 +85,13 @@ class AnalyticPlant:
 
     Raises:
         ImpossibleParameters: the model describes no possible robot.
+        TypeError: no model.
+        ValueError: a sample time that cannot be.
     """
 
     def __init__(self, model: Model, dt: float = 0.01):
+        check_kind("model", model, Model, "a Model, as load_model returns it")
+        check_number("dt", dt, SHORTEST, LONGEST)
         self.platform, self.dt = model.platform, dt
         self._built: tuple = ()
         self.set_model(model)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
+
+from youbot_env.arguments import check_number
+
+MOST = 1e6  # of any noise or resolution
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,10 @@ class Sensors:
     yaw: float = 2e-3
     velocity: float = 5e-3
     yaw_rate: float = 5e-3
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            check_number(field.name, getattr(self, field.name), 0.0, MOST)
 
     def read_wheel_velocity(self, value: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Wheel speeds as the driver reports them, rad/s."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from youbot_env.arguments import check_number
 from youbot_env.backend import Ops
 
 
@@ -35,6 +36,10 @@ class WheelLoop:
     ki: float = 4.0
     limit: float = 4.0
     leak: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name, low in (("kp", 0.0), ("ki", 0.0), ("limit", 0.0), ("leak", 1e-3)):
+            check_number(name, getattr(self, name), low)
 
     def torque(self, reference: tuple, measured: tuple, integral: tuple, dt, ops: Ops):
         """Return ``(torques N m, integrals N m)`` for n reference and measured speeds, rad/s.

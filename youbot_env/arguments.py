@@ -1,0 +1,40 @@
+"""Checks of arguments whose message names the argument, its value and what to give instead."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+
+def check_kind(name: str, value: object, kinds: type | tuple[type, ...], wanted: str) -> None:
+    """Refuse a value of another type.
+
+    Raises:
+        TypeError: names the argument.
+    """
+    if not isinstance(value, kinds):
+        raise TypeError(f"{name} = {value!r} is of type {type(value).__name__}; give {wanted}")
+
+
+def check_number(name: str, value: object, low: float, high: float = math.inf) -> None:
+    """Refuse what is no number from ``low`` to ``high``, both included; NaN is none.
+
+    Raises:
+        ValueError: names the argument.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        span = f"from {low:g} to {high:g}" if math.isfinite(high) else f"of at least {low:g}"
+        raise ValueError(f"{name} = {value!r}; give a number {span}")
+
+
+def check_names(name: str, value: object, wanted: str) -> Mapping[str, Any]:
+    """Return a mapping whose keys are names.
+
+    Raises:
+        TypeError: names the argument.
+    """
+    check_kind(name, value, Mapping, wanted)
+    for key in value:
+        check_kind(f"key of {name}", key, str, "a name")
+    return value
