@@ -39,6 +39,7 @@ from ident.output_error import OutputError
 from ident.pooling import as_list, pooled
 from ident.recording import Recording
 from ident.recording_words import Instrument
+from ident.repeats import Repeat, repeats
 from ident.thinning import SEARCHED
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
@@ -46,6 +47,8 @@ from youbot_env.model_file import load_model
 
 # Beside an effect that is named, this share of the error that it should explain is worth a word.
 WORTH_TELLING = 0.1
+# Motions across equal strokes that a reason mentions.
+TOLD = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,7 @@ class Diagnosis:
         forces: by effect, for every log the share of it that forces at the measured motion confirm,
             with its standard error, where they can.
         untried: effects that the logs cannot show, by name, with the reason and what to record.
+        repeats: motion across equal strokes, and what of it repeats.
         differs: logs to judge by that are not of the robot of the fitted ones, by name.
     """
 
@@ -91,6 +95,7 @@ class Diagnosis:
     recording: tuple[Instrument, ...] = ()
     forces: dict[str, list[ForceShare]] = field(default_factory=dict)
     untried: dict[str, str] = field(default_factory=dict)
+    repeats: tuple[Repeat, ...] = ()
     differs: dict[str, Finding] = field(default_factory=dict)
 
     @property
@@ -127,6 +132,7 @@ class Diagnosis:
             "recording": [one.as_dict() for one in self.recording],
             "candidates": [one.as_dict() for one in self.reach],
             "untried": self.untried,
+            "repeats": [one.as_dict() for one in self.repeats],
             "where": [regime.as_dict() for regime in self.where()],
             "experiment": self.experiment.as_dict() if self.experiment else None,
             "depends_on": [signal for signal, _ in self.depends_on],
@@ -206,12 +212,13 @@ def diagnose(
     last = with_unknown_hold(last, recording, records[0].original)
     forces = confirmations(fits, last, [step.best.identifier for step in steps])
     verdict, reason = _judge(steps, errors, outside, first, now, forces)
+    across = tuple(repeats(logs))
     if verdict == "ambiguous":
         tell("looking for a motion that separates them")
     return Diagnosis(
         log=name,
         verdict=verdict,
-        reason=reason + not_used(differs),
+        reason=reason + _repeated(verdict, across) + not_used(differs),
         steps=tuple(steps),
         model=replace(without_instruments(last), name="diagnosed"),
         base=without_instruments(chain[0][1]),
@@ -225,6 +232,7 @@ def diagnose(
         experiment=_next_record(verdict, steps, now),
         chain=tuple((name, without_instruments(model)) for name, model in chain),
         models=tuple(fits.models(model) for _, model in chain),
+        repeats=across,
         forces=forces,
         differs=differs,
     )
@@ -247,6 +255,13 @@ def _searched(
         tell("taking in what differs between the logs")
         refined, simulations = refit(parts, differing)
     return search(parts, refined, simulations, dependences(logs), seed, tell), refined
+
+
+def _repeated(verdict: str, across: tuple[Repeat, ...]) -> str:
+    """How much of what stays unexplained a law of the motion could explain at all."""
+    if verdict not in ("outside_library", "cannot_say"):
+        return ""
+    return "".join(f"; {one}" for one in across[:TOLD])
 
 
 def _next_record(verdict: str, steps: list[Step], last: Round) -> Experiment | None:
