@@ -67,19 +67,9 @@ def test_huge_finite_actions_are_full_actions(huge, one, many):
     np.testing.assert_array_equal(many.step([[huge] * 4] * 2)[0], full)
 
 
-def test_a_simulation_without_numbers_says_so():
-    env = gym.make("YouBot-v0", torque_limit=1e200)
-    env.reset(seed=0)
-    with pytest.raises(FloatingPointError, match=r"t = 0\.010 s; use a smaller torque_limit"):
-        env.step(np.ones(4, np.float32))
-    many = gym.make_vec("YouBot-v0", 3, vectorization_mode="vector_entry_point", torque_limit=1e30)
+def test_a_simulation_without_numbers_says_so(many):
     many.reset(seed=0)
-    actions = np.zeros((3, 4), np.float32)
-    actions[1] = 1.0
-
-    def drive():
-        for _ in range(5):
-            many.step(actions)
-
+    for component in many.unwrapped._state.velocity:
+        component[1] = np.inf
     with np.errstate(all="ignore"), pytest.raises(FloatingPointError, match=r"copy 1; use"):
-        drive()
+        many.step(np.zeros((2, 4), np.float32))
