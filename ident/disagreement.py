@@ -131,9 +131,10 @@ def _difference(log: Log, mine: Regression, known: np.ndarray) -> Finding | None
     found = []
     for kind, name, cause in KINDS:
         # A drive that pulls otherwise changes all that it is the sum of by one share.
-        at = mine.names.index(name) if name else None
-        column = mine.H @ known if at is None else mine.H[..., at]
-        value = 1.0 if at is None else float(known[at])
+        # Wheels that have a value each change alike.
+        at = [k for k, one in enumerate(mine.names) if one == name or one.startswith(f"{name}_")]
+        column = mine.H[..., at].sum(axis=-1) if name else mine.H @ known
+        value = float(np.mean(known[at])) if name else 1.0
         strength = float(np.sum(column**2))
         if strength == 0.0:
             continue

@@ -165,3 +165,13 @@ def test_an_effect_that_hides_the_difference_is_taken_in():
     assert told(fitted, weaker) == []
     assert disagreements([fitted], [log], clips) == {}
     assert list(disagreements([fitted], [weaker], clips)) == [weaker.name]
+
+
+def test_friction_of_each_wheel_counts_as_one_number(fitted):
+    """An effect that was found wheel by wheel, in the model that both logs are read with."""
+    each = {f"fc_{wheel}": 0.15 for wheel in ("fl", "fr", "rl", "rr")}
+    found = PAPER.with_effects({"wheel_coulomb_friction": each})
+    other = record(PAPER.with_effects({"wheel_coulomb_friction": 0.3}), 2)
+    known = [replace(log, recording=KNOWN) for log in (fitted, other)]
+    (finding,) = disagreements(known[:1], known[1:], found).values()
+    assert "dry friction of the wheels of +0.15 N m" in finding.what
