@@ -18,15 +18,16 @@ from ident.log import Log
 from ident.recording_words import in_words
 from ident.report.compare import comparison_page
 from ident.report.compare_words import (
+    BESIDE,
     FREE_RUN_HEAD,
     WHERE_HEAD,
+    beside_table,
     equation_head,
     equation_rows,
     failing,
     free_run_rows,
     harmonic_rows,
     note,
-    share,
     stretch_rows,
     verdict,
     where_rows,
@@ -95,7 +96,11 @@ def main(
         history = console.provenance(seed, digests(everything)) | accepted(everything)
         # Where every simulation runs away there is nothing to draw.
         drawable = report is not None and bool(np.isfinite(standings[0].comparison.run.nrmse))
-        page = comparison_page(standings, console.in_words(history), records) if drawable else None
+        page = (
+            comparison_page(standings, console.in_words(history), records, fitted)
+            if drawable
+            else None
+        )
         show(steps)
     result = {
         "log": " + ".join(record.name for record in records),
@@ -167,10 +172,7 @@ def tell(
         console.table("Free run, all axes", head, [(row[0], *row[7:]) for row in rows])
     if fitted is not None:
         console.out.print()
-        head = ("model", f"{fitted.log} all %", f"{best.log.name} (--test) all %")
-        on = {row[0]: row[7] for row in rows}
-        both = [(name, share(error), on[name]) for name, error in fitted.errors.items()]
-        console.table("Free run on the logs that do not judge, and on those that do", head, both)
+        console.table(BESIDE, *beside_table(standings, fitted))
     console.out.print()
     console.table("Equation, rms errors", equation_head(best.force_units), equation_rows(standings))
     console.out.print()

@@ -134,7 +134,7 @@ def test_the_finding_stands_in_text_and_json(script, tmp_path, fitted):
 
 def test_compare_judges_by_the_logs_that_are_kept_out(script, tmp_path, fitted):
     paths = [fitted.save(tmp_path / "a.csv"), record(heavier(1.2), 2).save(tmp_path / "b.csv")]
-    words = ("--model", "paper", "nominal", "--json", "r.json")
+    words = ("--model", "paper", "nominal", "--json", "r.json", "--report", "page")
     status, out, errors = script("compare.py", paths[0], "--test", paths[1], *words)
     assert status == 0, errors
     text, found = " ".join(out.split()), json.loads((tmp_path / "r.json").read_text())
@@ -146,6 +146,9 @@ def test_compare_judges_by_the_logs_that_are_kept_out(script, tmp_path, fitted):
     errors = {m["model"]: m["free_run"]["nrmse"] for m in found["models"]}
     assert 0 < found["fitted"]["nrmse"]["paper"] < errors["paper"]
     assert len(found["provenance"]["logs"]) == 2
+    page = (tmp_path / "page" / "index.html").read_text()
+    assert "a all %" in page
+    assert "b (--test) all %" in page
 
 
 def test_a_log_of_another_robot_does_not_judge(fitted):

@@ -6,14 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ident.comparison import Comparison, Standing
+from ident.comparison import Beside, Comparison, Standing
 from ident.log import Log
 from ident.report import compare_where, motion
 from ident.report.compare_play import player
 from ident.report.compare_time import time_figure
 from ident.report.compare_words import (
+    BESIDE,
     FREE_RUN_HEAD,
     WHERE_HEAD,
+    beside_table,
     equation_head,
     equation_rows,
     failing,
@@ -37,7 +39,10 @@ REGIMES, HARMONICS = 20, 8
 
 
 def comparison_page(
-    standings: list[Standing], provenance: dict[str, str], logs: Sequence[Log] = ()
+    standings: list[Standing],
+    provenance: dict[str, str],
+    logs: Sequence[Log] = (),
+    fitted: Beside | None = None,
 ) -> Page:
     """Draw everything and put the page together; nothing is written.
 
@@ -45,6 +50,7 @@ def comparison_page(
         standings: models in the order of their errors.
         provenance: how it came about, by name.
         logs: whose findings are told; that of the comparison if left.
+        fitted: the models on the logs that they were fitted to, where others judge.
     """
     best = standings[0].comparison
     drawn = colored(standings)
@@ -63,7 +69,7 @@ def comparison_page(
         (str(len(standings)), "models compared" if len(standings) > 1 else "model compared"),
     ]
     sections = [
-        _errors(standings, drawn),
+        _errors(standings, drawn, fitted),
         _where(best),
         _velocity(best),
         _signals(best),
@@ -89,7 +95,9 @@ def colored(standings: list[Standing]) -> list[tuple[str, Comparison]]:
     return drawn[::-1]
 
 
-def _errors(standings: list[Standing], drawn: list[tuple[str, Comparison]]) -> Section:
+def _errors(
+    standings: list[Standing], drawn: list[tuple[str, Comparison]], fitted: Beside | None
+) -> Section:
     best = standings[0].comparison
     rows = free_run_rows(standings)
     beside = (
@@ -99,6 +107,8 @@ def _errors(standings: list[Standing], drawn: list[tuple[str, Comparison]]) -> S
         Grid(FREE_RUN_HEAD, rows, f"Free run, rms errors. {beside}"),
         Grid(equation_head(best.force_units), equation_rows(standings), "Equation, rms errors."),
     ]
+    if fitted is not None:
+        blocks.insert(1, Grid(*beside_table(standings, fitted), f"{BESIDE}."))
     png = motion.velocities_figure([(c.model.name, color, c.run) for color, c in drawn])
     left_out = len(standings) - len(drawn)
     caption = (

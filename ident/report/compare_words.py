@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from ident.comparison import Comparison, Regime, Standing
+from ident.comparison import Beside, Comparison, Regime, Standing
 from ident.log import Log
 from ident.report.outcome import percent, rounded
 
@@ -174,3 +176,16 @@ def share(value: float) -> str:
 def probability(p: float) -> str:
     """A p value: small ones by their order of magnitude."""
     return f"{p:.2g}" if p >= 1e-4 else f"1e{int(np.ceil(np.log10(max(p, 1e-300))))}"
+
+
+BESIDE = "Free run on the logs that do not judge, and on those that do"
+
+
+def beside_table(
+    standings: Sequence[Standing], fitted: Beside
+) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Head and rows of the errors on fitted logs, beside those on the logs that judge."""
+    judging = standings[0].comparison.log.name
+    head = ("model", f"{fitted.log} all %", f"{judging} (--test) all %")
+    on = {row[0]: row[7] for row in free_run_rows(standings)}
+    return head, [(name, share(error), on[name]) for name, error in fitted.errors.items()]
