@@ -38,6 +38,9 @@ BETTER, MOST = 0.5, 0.7
 ALIKE = 0.1
 # Shares of the fitted value below which a difference is none: intervals of single logs are as wide.
 LEAST = 0.1
+# Another robot is another from the first row on: in each of so many parts of the log the change
+# must reach this share of its mean, within two standard errors, or it is something that happened.
+PARTS, LASTS = 3, 0.5
 # Independent stretches of time, s, and how many are needed.
 STRETCH, FEWEST = 2.0, 6
 
@@ -144,7 +147,8 @@ def _difference(log: Log, mine: Regression, known: np.ndarray) -> Finding | None
         scores = np.bincount(group, np.sum(column * error, axis=1))
         se = float(np.linalg.norm(scores)) / strength
         half = float(stdtrit(count - 1, 0.975)) * se
-        if gain > MOST and abs(change) > max(half, LEAST * abs(value)):
+        large = abs(change) > max(half, LEAST * abs(value))
+        if gain > MOST and large and _lasts(column, left, change, group):
             found.append((gain, kind, name, cause, value, change, half))
     if not found:
         return None
@@ -159,6 +163,21 @@ def _difference(log: Log, mine: Regression, known: np.ndarray) -> Finding | None
         "judge by a log of the same load, floor and battery, or fit each log by itself",
         NAME,
     )
+
+
+def _lasts(column: np.ndarray, left: np.ndarray, change: float, group: np.ndarray) -> bool:
+    """Tell whether a change is there throughout; rows (N, 3), stretch (N,) of each."""
+    for part in np.array_split(np.arange(group[-1] + 1), PARTS):
+        rows = np.isin(group, part)
+        strength = float(np.sum(column[rows] ** 2))
+        if strength == 0.0:
+            continue
+        own = float(np.sum(column[rows] * left[rows])) / strength
+        error = left[rows] - own * column[rows]
+        scores = np.bincount(group[rows], np.sum(column[rows] * error, axis=1))
+        if np.sign(change) * own + 2.0 * np.linalg.norm(scores) / strength < LASTS * abs(change):
+            return False
+    return True
 
 
 def _words(one: tuple, log: Log) -> str:
