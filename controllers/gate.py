@@ -88,8 +88,8 @@ class Gate:
             ahead = np.where(
                 possible.all(axis=1, keepdims=True), ahead, memory[:, -ahead.shape[1] :]
             )
-        given = np.hstack([seen[:, : MEASURED + 3], memory[:, : KEPT + MEASURED + 3], braking])
-        given[:, MEASURED : MEASURED + 3] = ahead[:, :3]
+        kept = memory[:, : KEPT + MEASURED + 3]
+        given = np.hstack([seen[:, :MEASURED], ahead[:, :3], kept, braking])
         if len(seen) == 1:
             believed, after = (part[None].copy() for part in self._one.one(given[0], self._limits))
         else:

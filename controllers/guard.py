@@ -44,8 +44,8 @@ class Guard:
         self._model, self._task, self._settings = model, task, settings
         self._gate, self._actions = Gate(model, task), task.action_space.shape[0]
         self.size = 1 + self._actions + self._gate.size
-        hold = round(LONGEST_HOLD / task.dt) if settings.on_invalid == "hold" else 0
-        self._hold = max(hold, 1) if settings.on_invalid == "hold" else 0
+        longest = max(round(LONGEST_HOLD / task.dt), 1)
+        self._hold = longest if settings.on_invalid == "hold" else 0
 
     def admit(self, seen: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Let believable samples pass and stand in for the others.

@@ -74,7 +74,7 @@ def disagreements(logs: Sequence[Log], tests: Sequence[Log], model: Model) -> di
             mine = build_regression(log, start)
         except ValueError:
             continue
-        names = [log.run_name(k) for k in range(max(1, len(log.runs)))]
+        names = log.run_names
         whole = _difference(log, mine, known)
         if whole is not None:
             found |= dict.fromkeys(names, whole)
@@ -89,7 +89,7 @@ def with_disagreements(tests: Sequence[Log], found: Mapping[str, Finding]) -> li
     """Logs with what ``disagreements`` found of them; a joined one with that of its runs."""
     told = []
     for log in tests:
-        names = [log.run_name(k) for k in range(max(1, len(log.runs)))]
+        names = log.run_names
         there = [name for name in names if name in found]
         alike = len(there) == len(names) and len({found[name] for name in there}) == 1
         named = [found[names[0]]] if alike else [
@@ -101,7 +101,7 @@ def with_disagreements(tests: Sequence[Log], found: Mapping[str, Finding]) -> li
 
 def may_judge(log: Log, found: Mapping[str, Finding]) -> bool:
     """Whether a log, or a run of it, agrees with the fitted ones."""
-    return not all(log.run_name(k) in found for k in range(max(1, len(log.runs))))
+    return not all(name in found for name in log.run_names)
 
 
 def not_used(found: Mapping[str, Finding]) -> str:
@@ -138,14 +138,10 @@ def _difference(log: Log, mine: Regression, known: np.ndarray) -> Finding | None
         at = [k for k, one in enumerate(mine.names) if one == name or one.startswith(f"{name}_")]
         column = mine.H[..., at].sum(axis=-1) if name else mine.H @ known
         value = float(np.mean(known[at])) if name else 1.0
-        strength = float(np.sum(column**2))
-        if strength == 0.0:
+        if not np.any(column):
             continue
-        change = float(np.sum(column * left)) / strength
-        error = left - change * column
-        gain = (whole - float(np.sum(error**2))) / (whole - own)
-        scores = np.bincount(group, np.sum(column * error, axis=1))
-        se = float(np.linalg.norm(scores)) / strength
+        change, se = _change(column, left, group)
+        gain = (whole - float(np.sum((left - change * column) ** 2))) / (whole - own)
         half = float(stdtrit(count - 1, 0.975)) * se
         large = abs(change) > max(half, LEAST * abs(value))
         if gain > MOST and large and _lasts(column, left, change, group):
@@ -169,15 +165,20 @@ def _lasts(column: np.ndarray, left: np.ndarray, change: float, group: np.ndarra
     """Tell whether a change is there throughout; rows (N, 3), stretch (N,) of each."""
     for part in np.array_split(np.arange(group[-1] + 1), PARTS):
         rows = np.isin(group, part)
-        strength = float(np.sum(column[rows] ** 2))
-        if strength == 0.0:
+        if not np.any(column[rows]):
             continue
-        own = float(np.sum(column[rows] * left[rows])) / strength
-        error = left[rows] - own * column[rows]
-        scores = np.bincount(group[rows], np.sum(column[rows] * error, axis=1))
-        if np.sign(change) * own + 2.0 * np.linalg.norm(scores) / strength < LASTS * abs(change):
+        own, se = _change(column[rows], left[rows], group[rows])
+        if np.sign(change) * own + 2.0 * se < LASTS * abs(change):
             return False
     return True
+
+
+def _change(column: np.ndarray, left: np.ndarray, group: np.ndarray) -> tuple[float, float]:
+    """How much of a column (N, 3) is in what is left, and its error by the scatter of stretches."""
+    strength = float(np.sum(column**2))
+    change = float(np.sum(column * left)) / strength
+    scores = np.bincount(group, np.sum(column * (left - change * column), axis=1))
+    return change, float(np.linalg.norm(scores)) / strength
 
 
 def _words(one: tuple, log: Log) -> str:

@@ -160,10 +160,10 @@ class Log:
         path = Path(path)
         given = read_platform(platform) if isinstance(platform, str) else platform
         given = GivenPlatform(given) if isinstance(given, Platform) else given
-        find_loader(path)  # nothing that is no log, such as a folder of anything, is hashed
+        loader = find_loader(path)  # nothing that is no log, a folder of anything, is hashed
         with ThreadPoolExecutor(1) as pool:  # hashing a large file takes as long as reading it
             digest = pool.submit(_digest, path)
-            table = read(path, youbot() if given is None else given.platform)
+            table = read(path, youbot() if given is None else given.platform, loader)
             unknown = given is None and table.platform is None and lever is None
             given = given or GivenPlatform(table.platform or youbot())
             if lever is not None:
@@ -270,6 +270,11 @@ class Log:
     def run_name(self, number: int) -> str:
         """Name of a run; of the log where it is one record."""
         return self.runs[number][0] if self.runs else self.name
+
+    @property
+    def run_names(self) -> list[str]:
+        """Names of all runs; that of the log alone where it is one record."""
+        return [name for name, _ in self.runs] or [self.name]
 
     def without_runs(self, names: set[str]) -> Log:
         """The record without some of the runs that it was joined from; at least one is left."""

@@ -25,6 +25,8 @@ FEWEST, LENGTHS, ALIKE, SLOW = 3, 1.5, 0.95, 0.5
 WORTH = 0.05
 # From this share on what repeats is most of it; below the other, least.
 MOST, LITTLE = 0.7, 0.4
+# Yaw rates are ranked among speeds by what they are at this distance, m.
+LEVER = 0.25
 DIRECTIONS = {(0, 1): "forward", (0, -1): "backward", (1, 1): "left", (1, -1): "right",
               (2, 1): "turning left", (2, -1): "turning right"}  # fmt: skip
 AXES = (("vx", "m/s"), ("vy", "m/s"), ("yaw rate", "rad/s"))
@@ -73,7 +75,7 @@ def repeats(logs: Sequence[Log]) -> list[Repeat]:
         logs: records with a drive input; the runs of one that was joined count together.
     """
     found = [one for log in logs for one in _of(log)]
-    return sorted(found, key=lambda one: -one.rms / (1.0 if one.unit == "m/s" else 4.0))
+    return sorted(found, key=lambda one: -one.rms * (1.0 if one.unit == "m/s" else LEVER))
 
 
 def _of(log: Log) -> list[Repeat]:
@@ -81,8 +83,11 @@ def _of(log: Log) -> list[Repeat]:
     push, speed = log.command @ log.platform.jacobian_array / scale, log.velocity() * scale
     found, strokes = [], _strokes(log, push)
     for axis, sign in sorted({(axis, sign) for axis, sign, _, _ in strokes}):
-        mine = [(a, b) for x, s, a, b in strokes if (x, s) == (axis, sign)]
-        mine = [(a, b) for a, b in mine if _from_rest(speed[a:b, axis])]
+        mine = [
+            (a, b)
+            for x, s, a, b in strokes
+            if (x, s) == (axis, sign) and _from_rest(speed[a:b, axis])
+        ]
         equal = _equal(push, mine)
         if len(equal) < FEWEST:
             continue

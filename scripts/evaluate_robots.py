@@ -10,10 +10,7 @@ from controllers.evaluation.subjects import IDENTIFIED, INFORMED, NOMINAL, Subje
 from ident.identification import Identification, identify
 from ident.log import Log
 from youbot_env.channels import channel_columns
-from youbot_env.effects import get_effect
-from youbot_env.model import ActiveEffect
-from youbot_env.model_file import load_model
-from youbot_env.parameters import Parameters
+from youbot_env.model_file import load_model, model_from_dict, model_to_dict
 from youbot_env.recording import record_motion
 from youbot_env.references import calibration_sequence
 from youbot_env.simulation import AnalyticPlant, Sensors
@@ -62,10 +59,7 @@ def calibrated(subject: Subject, seconds: float) -> Subject:
 def pack(subject: Subject) -> dict:
     """What ``calibrated`` has found, in types that JSON has."""
     beliefs = {
-        name: {
-            "parameters": model.parameters.as_dict(),
-            "effects": {active.identifier: active.values for active in model.effects},
-        }
+        name: model_to_dict(replace(model, covariance=None, provenance={}))
         for name, model in subject.beliefs.items()
     }
     return {"beliefs": beliefs, "half_widths": subject.half_widths}
@@ -73,11 +67,7 @@ def pack(subject: Subject) -> dict:
 
 def unpack(subject: Subject, kept: dict) -> Subject:
     """The subject with what ``pack`` says: values of models, without their intervals."""
-    nominal, beliefs = load_model("nominal"), {}
-    for name, entry in kept["beliefs"].items():
-        effects = [ActiveEffect(get_effect(i), values) for i, values in entry["effects"].items()]
-        parameters = Parameters(**entry["parameters"])
-        beliefs[name] = replace(nominal, parameters=parameters, effects=tuple(effects), name=name)
+    beliefs = {name: model_from_dict(entry) for name, entry in kept["beliefs"].items()}
     return replace(subject, beliefs=beliefs, half_widths=kept["half_widths"])
 
 

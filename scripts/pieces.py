@@ -10,6 +10,7 @@ from typing import Any
 
 import console
 
+from ident.benchmark.store import files_of, fingerprint
 from youbot_env.model_file import write_atomically
 
 # What a result rests on besides what the caller says: code, models and trained policies.
@@ -103,11 +104,5 @@ def digest(paths: Iterable[Path | None]) -> list[str]:
 
 
 def code_version() -> str:
-    """Fingerprint of the packages."""
-    found = hashlib.sha256()
-    for room in ROOMS:
-        for path in sorted((console.ROOT / room).rglob("*")):
-            if path.suffix in KINDS:
-                found.update(path.relative_to(console.ROOT).as_posix().encode())
-                found.update(path.read_bytes())
-    return found.hexdigest()[:16]
+    """Fingerprint of the packages, models and policies."""
+    return fingerprint(path for path in files_of(ROOMS) if path.suffix in KINDS)

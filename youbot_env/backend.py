@@ -123,6 +123,11 @@ def jax_ops() -> Ops:
     )
 
 
+def is_zero(value) -> bool:
+    """Tell whether a value is the number zero, not an array or a symbol that may be."""
+    return isinstance(value, float) and value == 0.0
+
+
 def weighted_sum(weights, components):
     """Return ``sum(w * c)``, leaving out weights that are the number zero.
 
@@ -131,8 +136,8 @@ def weighted_sum(weights, components):
     """
     total = 0.0
     for weight, component in zip(weights, components, strict=True):
-        if isinstance(weight, float) and weight == 0.0:
+        if is_zero(weight):
             continue
         term = component if isinstance(weight, float) and weight == 1.0 else weight * component
-        total = term if isinstance(total, float) and total == 0.0 else total + term
+        total = term if is_zero(total) else total + term
     return total

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from youbot_env.backend import weighted_sum
+from youbot_env.backend import is_zero, weighted_sum
 from youbot_env.platform import Geometry
 
 
@@ -107,7 +107,7 @@ def solve(factors: Factors, right: tuple) -> tuple:
     """Solve ``A z = right`` for the matrix of the factors."""
     l21, l31, l32, (r1, r2, r3) = factors
     y1, y2, y3 = right
-    coupled = not (isinstance(l21, float) and l21 == 0.0)
+    coupled = not is_zero(l21)
     if coupled:
         y2 = y2 - l21 * y1
     z3 = r3 * (y3 - l31 * y1 - l32 * y2)
@@ -144,6 +144,6 @@ def kinetic_energy(geometry: Geometry, theta: Theta, v: tuple):
 
 
 def _add(scale, weight, body):
-    if isinstance(weight, float) and weight == 0.0:
+    if is_zero(weight):
         return body
     return scale * weight + body

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,14 +27,26 @@ BOOKKEEPING = (
 
 def code_version() -> str:
     """Fingerprint of the code that records and diagnoses."""
+
+    def counts(path: Path) -> bool:
+        inside = path.relative_to(ROOT).parts
+        bookkeeping = inside[-2] == "benchmark" and inside[-1] in BOOKKEEPING
+        return path.suffix == ".py" and not (bookkeeping or set(inside) & set(APART))
+
+    return fingerprint(filter(counts, files_of(ROOMS)))
+
+
+def files_of(rooms: Iterable[str]) -> Iterator[Path]:
+    """All files of some folders of the project, room by room, by name."""
+    for room in rooms:
+        yield from sorted((ROOT / room).rglob("*"))
+
+
+def fingerprint(files: Iterable[Path]) -> str:
+    """Twelve digits that names or contents of files of the project do not share with others."""
     digest = hashlib.sha256()
-    for room in ROOMS:
-        for path in sorted((ROOT / room).rglob("*.py")):
-            inside = path.relative_to(ROOT).parts
-            bookkeeping = inside[-2] == "benchmark" and inside[-1] in BOOKKEEPING
-            if bookkeeping or set(inside) & set(APART):
-                continue
-            digest.update("/".join(inside).encode() + path.read_bytes())
+    for path in files:
+        digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()[:12]
 
 

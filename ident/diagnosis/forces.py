@@ -71,12 +71,11 @@ def confirmations(
     """By effect the shares that the logs confirm, of those that can."""
     models, found = fits.models(model), {}
     for identifier in identifiers:
-        pairs = [
-            (part.log, own)
+        shares = [
+            force_share(part.log, own, identifier)
             for part, own in zip(fits.parts, models, strict=True)
             if judges(part, get_effect(identifier))
         ]
-        shares = [force_share(log, own, identifier) for log, own in pairs]
         found[identifier] = [share for share in shares if share is not None]
     return found
 

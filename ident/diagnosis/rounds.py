@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, compress
 
 import numpy as np
 from scipy import stats
@@ -23,15 +23,16 @@ from ident.log import Log
 from ident.noise_floor import noise_floor
 from ident.scaled_fit import independent
 from ident.sensitivity import Linearised, window_length
+from ident.unexplained import UNEXPLAINED
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
 
 # A dependence that removes this share of the error while no effect passes, or that leaves less
 # than this share of what the best effect leaves, shows that something else is missing.
 TELLING, OUTSIDE = 0.15, 0.6
-# Where the wheels agree with each other: errors from this many times the noise on are not noise,
-# and effects that leave more than this share of such an error are not what is missing.
-UNEXPLAINED, REMAINDER = 3.0, 0.3
+# Where the wheels agree with each other, effects that leave more than this share of an error that
+# is not noise (``UNEXPLAINED``) are not what is missing.
+REMAINDER = 0.3
 # Squared error beyond that of noise, in units of the latter, that noise is no excuse for.
 CLEAR = 0.3
 # Chance below which the error of windows goes with how the robot moves in them.
@@ -240,9 +241,8 @@ class Round:
 
         The forces at the measured motion must not speak against it.
         """
-        least, effect = min(self._gains_of(found)), get_effect(found.identifier)
-        asked = [s for p, s in zip(self.parts, found.simulations, strict=True) if judges(p, effect)]
-        return least > 0.5 * LEAST_GAIN and not feigned(asked, found.identifier)
+        least, asked = min(self._gains_of(found)), compress(found.simulations, self._asked(found))
+        return least > 0.5 * LEAST_GAIN and not feigned(list(asked), found.identifier)
 
     def hoped(self) -> list[Candidate]:
         """One effect or two that gain when refined what linear traces do not foretell.
@@ -278,11 +278,13 @@ class Round:
     def _gains_of(self, found: Candidate) -> list[float]:
         """Shares of squared error that a refined effect removes, of every kind of window."""
         now, before, roles = self._judge(found), self._before, self.evidence.role
-        effect = get_effect(found.identifier)
-        asked = np.concatenate([np.full(len(p.role), judges(p, effect)) for p in self.parts])
+        asked = np.repeat(self._asked(found), [len(part.role) for part in self.parts])
         kinds = [(roles == role) & asked for role in (FIT, SELECT)]
-        kinds = [windows for windows in kinds if windows.any()]
-        return [1.0 - float(now[k].mean() / before[k].mean()) for k in kinds]
+        return [1.0 - float(now[k].mean() / before[k].mean()) for k in kinds if k.any()]
+
+    def _asked(self, found: Candidate) -> list[bool]:
+        """Which logs may judge an effect."""
+        return [judges(part, get_effect(found.identifier)) for part in self.parts]
 
     def _gain_of(self, found: Candidate) -> float:
         return self._gains_of(found)[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import compress
 from typing import Any
 
 from ident.comparison import Regime, compare
@@ -24,13 +25,13 @@ from ident.diagnosis.records import (
     with_unknown_hold,
 )
 from ident.diagnosis.rivals import refit
-from ident.diagnosis.rounds import REMAINDER, UNEXPLAINED, Round
+from ident.diagnosis.rounds import REMAINDER, Round
 from ident.diagnosis.search import Search, search
 from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, chain_of, with_steps
 from ident.diagnosis.trials import behind_gap, untried
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
-from ident.disagreement import disagreements, may_judge, not_used
+from ident.disagreement import may_judge, not_used
 from ident.doctor.finding import Finding
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
@@ -41,6 +42,7 @@ from ident.recording import Recording
 from ident.recording_words import Instrument
 from ident.repeats import Repeat, repeats
 from ident.thinning import SEARCHED
+from ident.unexplained import UNEXPLAINED
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
@@ -180,15 +182,14 @@ def diagnose(
     tests = [test for test in tests if may_judge(test, differs)]
     records = recordings(logs, tests, model)
     found, refined = _searched(records, model, len(tests), seed, tell)
-    if found.steps and tests and all(log.window is None for log in logs):
+    if found.steps:
         # An effect that was missing may have hidden that a log to judge by is of another robot.
-        there = with_steps(refined.model, found.steps)
-        known = [record.log for record in records]
-        differs |= disagreements(known[: len(logs)], known[len(logs) :], there)
-        if not all(may_judge(test, differs) for test in tests):
-            tests = [test for test in tests if may_judge(test, differs)]
-            records = records[: len(logs)] + [r for r in records[len(logs) :]
-                                              if may_judge(r.log, differs)]  # fmt: skip
+        known, there = [r.log for r in records], with_steps(refined.model, found.steps)
+        differs |= of_other_robots(known[: len(logs)], known[len(logs) :], there)
+        agree = [may_judge(test, differs) for test in tests]
+        if not all(agree):
+            tests = list(compress(tests, agree))
+            records = [*records[: len(logs)], *compress(records[len(logs) :], agree)]
             found, refined = _searched(records, model, len(tests), seed, tell)
     if found.steps and found.first.wheels_agree and not all(one.known for one in records):
         # What was found may tell more of a clock than the usual nuisances did; where that changes

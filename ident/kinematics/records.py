@@ -78,9 +78,9 @@ def contradicting(windows: Windows, estimate: Fit, log: Log) -> dict[str, str]:
     squares = np.mean(residual**2, axis=1)
     for number in np.unique(runs):
         here = runs == number
-        moves, left = (np.sqrt(part[here].mean(axis=0)) for part in (spread, squares))
+        moves, left = (part[here].mean(axis=0) for part in (spread, squares))
         for axis, least, unit in ((slice(0, 2), MOVES[0], "m"), (slice(2, 3), MOVES[1], "rad")):
-            way, rest = (float(np.sqrt(np.mean(part[axis] ** 2))) for part in (moves, left))
+            way, rest = (float(np.sqrt(np.mean(part[axis]))) for part in (moves, left))
             if way > least and rest > EXPLAINED * way:
                 found[log.run_name(number)] = (
                     f"its pose moves by {way:.3g} {unit} within windows, of which {rest:.3g} "

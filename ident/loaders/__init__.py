@@ -46,13 +46,18 @@ def find_loader(path: Path) -> Loader:
     raise refuse(path, "the format is unknown", "file", f"give one of these: {known}")
 
 
-def read(path: Path, platform: Platform) -> Table:
+def read(path: Path, platform: Platform, loader: Loader | None = None) -> Table:
     """Read a log of any known format into a table of columns.
+
+    Args:
+        path: the file or folder.
+        platform: whose wheels the columns are of.
+        loader: of its format; found if left.
 
     Raises:
         LogError: the file cannot be read, whatever the library that reads it thinks of it.
     """
-    loader = find_loader(path)
+    loader = loader or find_loader(path)
     with damage_told(path, f"damaged, or no {loader.title} file", Exception):
         return loader.read(path, platform)
 

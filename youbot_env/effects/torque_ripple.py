@@ -1,5 +1,6 @@
 """Torque that repeats with the angle of the wheel."""
 
+from youbot_env.backend import is_zero
 from youbot_env.effects.base import Effect, Parameter
 
 
@@ -35,15 +36,10 @@ class TorqueRipple(Effect):
 
     def shaft(self, p, s, ops):
         """See the class."""
+        # A diagnosis tries one wheel at a time: sines of the others are most of what that costs.
         return tuple(
-            0.0 if silent(a, b) else a * ops.cos(p.k * angle) + b * ops.sin(p.k * angle)
+            0.0
+            if is_zero(a) and is_zero(b)
+            else a * ops.cos(p.k * angle) + b * ops.sin(p.k * angle)
             for a, b, angle in zip(p.a, p.b, s.wheel_angle, strict=True)
         )
-
-
-def silent(*amplitudes) -> bool:
-    """Tell whether amplitudes are the number zero: a diagnosis tries one wheel at a time.
-
-    Sines over a whole log are most of what such a trial costs.
-    """
-    return all(isinstance(amplitude, float) and amplitude == 0.0 for amplitude in amplitudes)
