@@ -5,6 +5,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
+# Small matrix products: threads of two processes that wait for each other take up to a thousand
+# times as long as one thread alone.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
 .PHONY: run test test-long fuzz lint clean
 
 run: $(VENV)/.base

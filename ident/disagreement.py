@@ -9,7 +9,7 @@ an error, but of a shape that no such change has.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -34,6 +34,9 @@ KINDS = (
 # A fit to the other log alone must leave at most this share of the squared error, and one change
 # remove at least that share of what such a fit removes.
 BETTER, MOST = 0.5, 0.7
+# A clock that was found with the fitted logs' may stand for a part of a change.  Where the other
+# log's own fit removes less than this share of the squared error even so, it cannot stand for half.
+TRACE = 0.25
 # Changes that explain up to this share less than the best are told as well.
 ALIKE = 0.1
 # Shares of the fitted value below which a difference is none: intervals of single logs are as wide.
@@ -59,21 +62,8 @@ def disagreements(logs: Sequence[Log], tests: Sequence[Log], model: Model) -> di
             joined, all of them are named if together they disagree, else those that do alone.
         model: any model of the platform; effects of the robot in it act in all logs.
     """
-    if any(log.wheel_torque is None and log.wheel_voltage is None for log in (*logs, *tests)):
-        return {}
-    robots = {a.identifier: a.values for a in model.effects if a.effect.scope() == "robot"}
-    start = replace(model, platform=logs[0].platform, effects=(), covariance=None)
-    start = start.with_effects(dict.fromkeys(FRICTION) | robots)
-    try:
-        fitted = Regression.join([build_regression(log, start) for log in logs])
-    except ValueError:
-        return {}
-    known, found = _solved(fitted), {}
-    for log in tests:
-        try:
-            mine = build_regression(log, start)
-        except ValueError:
-            continue
+    found: dict[str, Finding] = {}
+    for log, mine, known in _judged(logs, tests, model):
         names = log.run_names
         whole = _difference(log, mine, known)
         if whole is not None:
@@ -83,6 +73,23 @@ def disagreements(logs: Sequence[Log], tests: Sequence[Log], model: Model) -> di
             alone = (_difference(log, _rows(mine, run == k), known) for k in range(len(names)))
             found |= {name: one for name, one in zip(names, alone, strict=True) if one is not None}
     return found
+
+
+def may_disagree(logs: Sequence[Log], tests: Sequence[Log], model: Model) -> bool:
+    """Whether logs might disagree once their clocks were found without each other.
+
+    Arguments as of ``disagreements``, but for clocks that were found together, which cost half.
+    """
+    for log, mine, known in _judged(logs, tests, model):
+        run = log.run_of(mine.time)
+        for rows in (np.ones(len(run), bool), *(run == k for k in range(1, len(log.run_names)))):
+            one = _rows(mine, rows)
+            if (
+                np.ptp(one.time) > STRETCH * (FEWEST - 1)
+                and _misfit(one.residual(known), one) > TRACE
+            ):
+                return True
+    return False
 
 
 def with_disagreements(tests: Sequence[Log], found: Mapping[str, Finding]) -> list[Log]:
@@ -115,6 +122,36 @@ def not_used(found: Mapping[str, Finding]) -> str:
     )
 
 
+def _judged(
+    logs: Sequence[Log], tests: Sequence[Log], model: Model
+) -> Iterator[tuple[Log, Regression, np.ndarray]]:
+    """Every log to judge by that has rows, its equations, and the fitted values (P,)."""
+    if any(log.wheel_torque is None and log.wheel_voltage is None for log in (*logs, *tests)):
+        return
+    if any(log.window is not None for log in logs):  # forces alone do not tell a load from a floor
+        return
+    robots = {a.identifier: a.values for a in model.effects if a.effect.scope() == "robot"}
+    start = replace(model, platform=logs[0].platform, effects=(), covariance=None)
+    start = start.with_effects(dict.fromkeys(FRICTION) | robots)
+    try:
+        known = _solved(Regression.join([build_regression(log, start) for log in logs]))
+    except ValueError:
+        return
+    for log in tests:
+        try:
+            mine = build_regression(log, start)
+        except ValueError:
+            continue
+        if len(mine.time):
+            yield log, mine, known
+
+
+def _misfit(left: np.ndarray, mine: Regression) -> float:
+    """Share of the squared error (N, 3) that a fit to these rows alone removes."""
+    own = float(np.sum(mine.residual(_solved(mine)) ** 2))
+    return 1.0 - own / max(float(np.sum(left**2)), 1e-300)
+
+
 def _rows(regression: Regression, rows: np.ndarray) -> Regression:
     """Some rows (N,) of a regression."""
     kept = {name: getattr(regression, name)[rows] for name in ("H", "y", "time", "piece")}
@@ -128,9 +165,10 @@ def _difference(log: Log, mine: Regression, known: np.ndarray) -> Finding | None
     left = mine.residual(known)
     group = np.unique((mine.time - mine.time[0]) // STRETCH, return_inverse=True)[1]
     count = int(group[-1]) + 1
-    whole, own = float(np.sum(left**2)), float(np.sum(mine.residual(_solved(mine)) ** 2))
-    if count < FEWEST or own > BETTER * whole:
+    better = _misfit(left, mine)
+    if count < FEWEST or better < BETTER:
         return None
+    whole = float(np.sum(left**2))
     found = []
     for kind, name, cause in KINDS:
         # A drive that pulls otherwise changes all that it is the sum of by one share.
@@ -141,7 +179,7 @@ def _difference(log: Log, mine: Regression, known: np.ndarray) -> Finding | None
         if not np.any(column):
             continue
         change, se = _change(column, left, group)
-        gain = (whole - float(np.sum((left - change * column) ** 2))) / (whole - own)
+        gain = (whole - float(np.sum((left - change * column) ** 2))) / (better * whole)
         half = float(stdtrit(count - 1, 0.975)) * se
         large = abs(change) > max(half, LEAST * abs(value))
         if gain > MOST and large and _lasts(column, left, change, group):

@@ -29,6 +29,7 @@ from ident.recording_words import Instrument
 from ident.recursive import history
 from ident.regression import CORNER, Regression, build_regression
 from ident.seen import Seen
+from ident.threads import one_thread
 from ident.unexplained import Unexplained, widening
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
@@ -129,6 +130,7 @@ class Identification:
         }
 
 
+@one_thread
 def identify(
     logs: Log | Sequence[Log],
     model: str | Model = "nominal",

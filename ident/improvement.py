@@ -20,6 +20,7 @@ from ident.quantities import Quantity, annotated, quantities
 from ident.scaled_fit import settled
 from ident.seen import Seen
 from ident.sensitivity import Linearised
+from ident.threads import one_thread
 from youbot_env.dynamics import Theta
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
@@ -98,6 +99,7 @@ class Improvement:
         return self.found.as_dict() | {"stages": [stage.as_dict() for stage in self.stages]}
 
 
+@one_thread
 def improve(
     logs: Log | Sequence[Log],
     model: str | Model = "nominal",

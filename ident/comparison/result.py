@@ -24,6 +24,7 @@ from ident.pooling import as_list, as_one
 from ident.recording import find_recordings
 from ident.recording_words import Instrument
 from ident.regression import AXES, Regression, build_regression
+from ident.threads import one_thread
 from youbot_env.model import Model
 
 VELOCITIES = ("vx", "vy", "yaw_rate")
@@ -102,6 +103,7 @@ class Comparison:
         }
 
 
+@one_thread
 def compare(
     log: Log | Sequence[Log],
     models: Iterable[Model],

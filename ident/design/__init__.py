@@ -12,6 +12,7 @@ from ident.design.limits import Limits
 from ident.design.noise import RATE, NoiseModel
 from ident.design.search import Candidate, Search, plans, search_motion
 from ident.design.verify import Experiment, simulate
+from ident.threads import one_thread
 from youbot_env.model import Model
 from youbot_env.references import Fourier
 from youbot_env.simulation import Sensors
@@ -66,6 +67,7 @@ class Design:
         return intervals(source.information.covariance(self.seconds * RATE), self.model)
 
 
+@one_thread
 def design_motion(
     target: str,
     model: Model,

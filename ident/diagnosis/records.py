@@ -8,13 +8,13 @@ import numpy as np
 
 from ident.diagnosis.parts import FIT, choosing_until, divide
 from ident.diagnosis.rivals import Refits
-from ident.disagreement import disagreements
+from ident.disagreement import disagreements, may_disagree
 from ident.doctor.finding import Finding
 from ident.drive_clock import lead
 from ident.instruments import HOLD, OFFSET, SHIFT, stated
 from ident.log import Log
 from ident.recording import Recording, find_recordings, with_free_clocks
-from ident.recording_words import Instrument, clock, plain
+from ident.recording_words import CLOSE, SURE, Instrument, clock, plain
 from ident.restored import restored
 from ident.thinning import DENSE, thinned
 from youbot_env.effects import get_effect
@@ -36,15 +36,34 @@ def recordings(logs: list[Log], tests: list[Log], model: Model) -> list[Recordin
     return [*found[: len(logs)], *last]
 
 
-def of_other_robots(logs: list[Log], tests: list[Log], model: Model) -> dict[str, Finding]:
+def of_other_robots(
+    logs: list[Log], tests: list[Log], records: list[Recording], model: Model
+) -> dict[str, Finding]:
     """Logs to judge by that are not of the robot of the others, by name, with what differs.
 
-    Forces alone, by which logs without acceleration are judged, do not tell a load from a floor.
+    Args:
+        logs, tests: as they were read.
+        records: what was found of their recording together, where a load may have become a part of
+            a clock; clocks are found again, without each other, where that might be so.
+        model: with what is known of the robot.
     """
-    if not tests or any(log.window is not None for log in logs):
+    if not tests:
         return {}
-    known = ([record.log for record in find_recordings(some, model)] for some in (logs, tests))
-    return disagreements(*known, model)
+    known = [record.log for record in records]
+    known = known[: len(logs)], known[len(logs) :]
+    if not (_apart(records) or may_disagree(*known, model)):
+        return {}
+    alone = ([record.log for record in find_recordings(some, model)] for some in (logs, tests))
+    return disagreements(*alone, model)
+
+
+def _apart(records: list[Recording]) -> bool:
+    """Whether rows of some logs certainly act at other times than those of others."""
+    first, *others = records
+    return any(
+        abs(one.lead - first.lead) > max(CLOSE, SURE * float(np.hypot(one.error, first.error)))
+        for one in others
+    )
 
 
 def ready(record: Recording, model: Model, interval: float) -> Log:

@@ -31,7 +31,7 @@ from ident.diagnosis.shortlist import LEAST_GAIN
 from ident.diagnosis.steps import Step, chain_of, with_steps
 from ident.diagnosis.trials import behind_gap, untried
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
-from ident.disagreement import may_judge, not_used
+from ident.disagreement import disagreements, may_judge, not_used
 from ident.doctor.finding import Finding
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
@@ -42,6 +42,7 @@ from ident.recording import Recording
 from ident.recording_words import Instrument
 from ident.repeats import Repeat, repeats
 from ident.thinning import SEARCHED
+from ident.threads import one_thread
 from ident.unexplained import UNEXPLAINED
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
@@ -143,6 +144,7 @@ class Diagnosis:
         }  # fmt: skip
 
 
+@one_thread
 def diagnose(
     logs: Log | Sequence[Log],
     model: str | Model = "nominal",
@@ -178,14 +180,16 @@ def diagnose(
     if not inertia_is_seen(logs, model):
         logs, tests = ([judged_by_force(log) for log in some] for some in (logs, tests))
     tell("finding out how the logs were recorded")
-    differs = of_other_robots(logs, tests, model)
-    tests = [test for test in tests if may_judge(test, differs)]
     records = recordings(logs, tests, model)
+    differs = of_other_robots(logs, tests, records, model)
+    if differs:
+        tests = [test for test in tests if may_judge(test, differs)]
+        records = recordings(logs, tests, model)
     found, refined = _searched(records, model, len(tests), seed, tell)
     if found.steps:
         # An effect that was missing may have hidden that a log to judge by is of another robot.
         known, there = [r.log for r in records], with_steps(refined.model, found.steps)
-        differs |= of_other_robots(known[: len(logs)], known[len(logs) :], there)
+        differs |= disagreements(known[: len(logs)], known[len(logs) :], there)
         agree = [may_judge(test, differs) for test in tests]
         if not all(agree):
             tests = list(compress(tests, agree))

@@ -28,6 +28,7 @@ from ident.kinematics.words import remarks, undetermined_words
 from ident.log import Log
 from ident.pooling import as_list
 from ident.quantities import Quantity
+from ident.threads import one_thread
 from youbot_env.model import Model
 from youbot_env.platform import Platform
 
@@ -148,6 +149,7 @@ class KinematicCalibration:
         }
 
 
+@one_thread
 def calibrate_kinematics(
     log: Log | Sequence[Log],
     platform: Platform | None = None,
