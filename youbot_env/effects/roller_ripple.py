@@ -4,7 +4,8 @@ import math
 
 from youbot_env.effects.base import Effect, Parameter
 from youbot_env.effects.roller_angle_error import deviate
-from youbot_env.platform import wheel_rows
+from youbot_env.platform import Geometry, wheel_rows
+from youbot_env.roller_rates import rate_moments
 
 # Six rollers a wheel: each carries it over 60 degrees.
 PITCH = math.pi / 3
@@ -13,7 +14,9 @@ PITCH = math.pi / 3
 class RollerRipple(Effect):
     """Jacobians that swing with the phase of the roller on the floor.
 
-    With size 1 the relation of ``wheel_rows`` for a cylindrical envelope, exactly.  Left out: the
+    With size 1 the relation of ``wheel_rows`` for a cylindrical envelope, exactly.  Rollers turn
+    faster near their ends, yet mu2 stays the friction of an ideal roller of radius r that loses the
+    same power on average: with and without this effect it is one number.  Left out: the
     change of J in time, which through the spin inertia gives the force ``I1 J' dJ/dt v`` (its mean
     over a roller is zero; a few newtons at 0.25 m/s), and the jerk when rollers change.
     """
@@ -62,4 +65,8 @@ class RollerRipple(Effect):
             rows.append(
                 wheel_rows(wheel, robot.wheel_radius, robot.roller_radius, phase=q, ops=ops)
             )
-        return deviate(geometry, rows, robot.geometry, p.size)
+        jacobian, rollers = deviate(geometry, rows, robot.geometry, p.size)[:2]
+        mean, square = rate_moments(robot, PITCH / 2)
+        power = 1.0 + 2.0 * p.size * (mean - 1.0) + p.size**2 * (square - 2.0 * mean + 1.0)
+        equal = 1.0 / ops.sqrt(power)
+        return Geometry.from_rows(jacobian, [[equal * g for g in row] for row in rollers])

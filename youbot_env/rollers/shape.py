@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from youbot_env.backend import FLOAT, NUMPY, Ops
-from youbot_env.platform import Platform, Wheel, wheel_rows
+from youbot_env.platform import Platform
+from youbot_env.roller_rates import rate_moments, rate_ratio
 
 # A wheel gets six rollers, or more where six would taper to less than this share of r.
 LEAST_TAPER = 0.5
@@ -24,31 +22,9 @@ def roller_count(platform: Platform) -> int:
     return count
 
 
-def rate_ratio(platform: Platform, phase, ops: Ops = FLOAT):
-    """How many times faster than an ideal roller of radius r a real one turns.
-
-    Rollers grow thinner towards their ends, which touch the floor at other phases of the wheel.
-
-    Args:
-        platform: wheel table and radii.
-        phase: how far the wheel has turned since the middle of the roller touched the floor, rad.
-        ops: elementary functions of ``phase``.
-    """
-    wheel = Wheel("any", 0.0, 0.0, 0.0)
-    radii = platform.wheel_radius, platform.roller_radius
-    ideal, real = wheel_rows(wheel, *radii), wheel_rows(wheel, *radii, phase=phase, ops=ops)
-    return real[1][1] / ideal[1][1]
-
-
 def mean_square_rate_ratio(platform: Platform) -> float:
-    """Mean over time of the squared ratio, in a steady motion across turning wheels.
-
-    A wheel then turns in proportion to ``1 / cos(phase)``, so a phase lasts ``cos(phase)``.
-    """
-    edge = math.pi / roller_count(platform)
-    phase = np.linspace(-edge, edge, 2001)
-    ratio = rate_ratio(platform, phase, NUMPY)
-    return float(np.average(ratio**2, weights=np.cos(phase)))
+    """Mean over time of the squared ratio of the rollers' rates to those of ideal ones."""
+    return rate_moments(platform, math.pi / roller_count(platform))[1]
 
 
 def roller_ellipsoids(platform: Platform, roller_angle: float) -> list[tuple[float, float]]:
