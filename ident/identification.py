@@ -23,12 +23,13 @@ from ident.output_error import OutputError, refine
 from ident.physical import doubts, invisible
 from ident.pooling import as_list, pooled
 from ident.prior import kept_possible
-from ident.quantities import Quantity, annotated, quantities
+from ident.quantities import Quantity, annotated, listed_names, quantities
 from ident.recording import Recording, find_recordings, with_free_clocks
 from ident.recording_words import Instrument
 from ident.recursive import history
 from ident.regression import CORNER, Regression, build_regression
 from ident.seen import Seen
+from ident.shown import Shown, quantity_columns
 from ident.threads import one_thread
 from ident.unexplained import Unexplained, widening
 from youbot_env.model import Model
@@ -41,8 +42,8 @@ RELINEARIZATIONS = 3
 FREE_RUN = "free run"
 
 
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, repr=False)
+class Identification(Shown):
     """What the logs say about the robot.
 
     Attributes:
@@ -100,6 +101,26 @@ class Identification:
     def test(self) -> Log | None:
         """The (first) test log."""
         return self.tests[0] if self.tests else None
+
+    def headline(self) -> str:
+        """See the base class."""
+        judged = self.test_run or self.fit_run
+        what = "on the test" if self.test_run else "on the fitted log"
+        error = f"free-run error {100 * judged.nrmse:.3g} % {what}"
+        return f"{listed_names(self.logs)} by {self.method}; {error}"
+
+    def table(self) -> dict[str, list[Any]]:
+        """See the base class."""
+        effects = {f"{k}.{name}": q for k, own in self.effects.items() for name, q in own.items()}
+        return quantity_columns(self.parameters | self.lumps | effects)
+
+    def plot(self):
+        """Measured and simulated velocities, of the test where there is one."""
+        from ident.report.look import IDENTIFIED
+        from ident.report.motion import velocities_figure
+
+        run = self.test_run or self.fit_run
+        return velocities_figure.on_canvas([("identified", IDENTIFIED, run)])
 
     def as_dict(self) -> dict[str, Any]:
         """Return what ``identify.py --json`` writes."""

@@ -20,6 +20,7 @@ from ident.quantities import Quantity, annotated, quantities
 from ident.scaled_fit import settled
 from ident.seen import Seen
 from ident.sensitivity import Linearised
+from ident.shown import Shown
 from ident.threads import one_thread
 from youbot_env.dynamics import Theta
 from youbot_env.model import Model
@@ -75,8 +76,8 @@ class Stage:
         }
 
 
-@dataclass(frozen=True)
-class Improvement:
+@dataclass(frozen=True, repr=False)
+class Improvement(Shown):
     """What the loop did.
 
     Attributes:
@@ -93,6 +94,26 @@ class Improvement:
     def problems(self) -> list[str]:
         """What makes the final parameters impossible; empty when nothing does."""
         return self.model.parameters.problems(self.model.platform)
+
+    def headline(self) -> str:
+        """See the base class."""
+        if not self.stages:
+            return self.found.headline()
+        first, last = self.stages[0].nrmse, self.stages[-1].nrmse
+        added = ", ".join(stage.added for stage in self.stages[1:]) or "nothing"
+        return f"added {added}; free-run error {100 * first:.3g} % to {100 * last:.3g} %"
+
+    def table(self) -> dict[str, list[Any]]:
+        """The stages: what was added, the error, and the base parameters."""
+        names = self.stages[0].base if self.stages else {}
+        return {
+            "added": [stage.added for stage in self.stages],
+            "free-run error": [float(stage.nrmse) for stage in self.stages],
+        } | {name: [float(stage.base[name].value) for stage in self.stages] for name in names}
+
+    def plot(self):
+        """The error on untouched windows with every effect that was added."""
+        return self.found.plot()
 
     def as_dict(self) -> dict[str, Any]:
         """Return what ``improve.py --json`` writes."""

@@ -9,12 +9,14 @@ samples, and whole runs can be kept out of a fit.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from os import PathLike
 
 import numpy as np
 
 from ident.log import CHANNELS, Log
+from youbot_env.arguments import check_kind
 
 # Logs of at least this length, s, are records of their own, unless there are more than so many:
 # parameters of every record would make the cost grow with the square of their number.
@@ -28,11 +30,24 @@ APART = 10.0
 MANY_RUNS = 20
 
 
-def as_list(logs: Log | Sequence[Log] | None) -> list[Log]:
-    """Logs as a list: none, one or several."""
+def as_list(logs: Log | str | PathLike | Sequence[Log | str | PathLike] | None) -> list[Log]:
+    """Logs as a list: none, one or several; what is not a log is the file of one.
+
+    Raises:
+        TypeError: neither logs nor files.
+        ValueError, OSError: a file that cannot be read as a log.
+    """
     if logs is None:
         return []
-    return [logs] if isinstance(logs, Log) else list(logs)
+    single = isinstance(logs, Log | str | PathLike) or not isinstance(logs, Iterable)
+    return [_read(one) for one in ([logs] if single else logs)]
+
+
+def _read(log: Log | str | PathLike) -> Log:
+    if isinstance(log, Log):
+        return log
+    check_kind("log", log, (str, PathLike), "a Log, or the file of one")
+    return Log.load(log)
 
 
 def pooled(logs: Sequence[Log]) -> list[Log]:

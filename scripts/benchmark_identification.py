@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +13,9 @@ import numpy as np
 import typer
 from scipy import stats
 
+from ident.benchmark.cases import Case as HiddenCase
+from ident.benchmark.cases import record_case
+from ident.benchmark.hidden import EFFECTS
 from ident.benchmark.robots import draw_robots
 from ident.identification import identify
 from ident.log import Log
@@ -28,6 +31,13 @@ HOLDS = (*ROWS, "held")
 LOOP_RATE = 1000.0  # Hz
 SLOWEST_LOOPS = 25.0  # Hz; below it loops that run at the log's rate go unstable
 OFFSETS = (-30.0, 30.0)  # ms
+CONDITIONS = ("own", "foreign")
+# Kinds of robots by the part of the benchmark of hidden effects that draws them.
+KINDS = {
+    "ideal rollers": "nothing",
+    "an effect that the model lacks": "single",
+    "real rollers": "rollers",
+}
 
 
 @dataclass(frozen=True)
@@ -74,6 +84,13 @@ def benchmark(
         list[float] | None,
         typer.Option(help="How late the torques of the rows are, ms; again for more."),
     ] = None,
+    conditions: Annotated[
+        str,
+        typer.Option(
+            help="own; or foreign: recorded as other laboratories might, on real rollers "
+            "too and with effects that the model lacks."
+        ),
+    ] = "own",
     seed: console.Seed = 0,
     json: console.Json = None,
     force: console.Force = False,
@@ -83,6 +100,13 @@ def benchmark(
     Every --rate is run with every --hold and every --offset.
     """
     console.check_results(json, force=force)
+    if conditions not in CONDITIONS:
+        raise ValueError(f"--conditions {conditions}: choose one of {', '.join(CONDITIONS)}")
+    if conditions == "foreign":
+        if rate or hold or offset:
+            raise ValueError("--conditions foreign draws rates, holds and offsets: leave them out")
+        benchmark_foreign(robots, seed, json)
+        return
     cases = chosen_cases(rate, hold, offset)
     result = {"cases": {}, "robots": robots, "seconds": seconds}
     total = robots * len(cases)
@@ -103,6 +127,73 @@ def benchmark(
     console.table("\nspeed", ("what", "figure"), result["speed"].items())
     result["provenance"] = console.provenance(seed)
     console.write_json(json, result)
+
+
+def benchmark_foreign(robots: int, seed: int, json: Path | None) -> None:
+    """How often intervals of the base parameters hold the truth on logs of other laboratories."""
+    kinds = {kind: foreign_cases(kind, robots, seed) for kind in KINDS}
+    result = {"conditions": "foreign", "robots": robots, "kinds": {}}
+    with console.progress("robots", robots * len(kinds)) as show:
+        done = 0
+        for kind, cases in kinds.items():
+            answers = []
+            for case in cases:
+                answers += base_answers(case)
+                done += 1
+                show(done)
+            result["kinds"][kind] = summary(answers)
+    rows = [(kind, *figures.values()) for kind, figures in result["kinds"].items()]
+    headings = ("robots", "intervals", "hold %", "of lumps %", "half width %", "not given")
+    console.table(f"\nforeign conditions, {robots} robots of each kind", headings, rows)
+    result["provenance"] = console.provenance(seed)
+    console.write_json(json, result)
+
+
+def foreign_cases(kind: str, robots: int, seed: int) -> list[HiddenCase]:
+    """Cases of one kind; the effects of the library take turns."""
+    part = KINDS[kind]
+    hidden = [(EFFECTS[k % len(EFFECTS)],) if part == "single" else () for k in range(robots)]
+    return [HiddenCase(part, one, 1.0, k, seed, foreign=True) for k, one in enumerate(hidden)]
+
+
+def base_answers(case: HiddenCase) -> list[dict]:
+    """Of every base parameter and lump of one robot: its interval and whether that holds."""
+    recorded, nominal = record_case(case), load_model("nominal")
+    tests = [recorded.verify] if recorded.conditions.second else []
+    try:
+        found = identify(recorded.fit, nominal, test=tests)
+    except ValueError as error:  # refused with a reason, which is an answer
+        return [{"name": "", "refused": str(error)}]
+    theta = replace(recorded.truth, effects=())
+    true = theta.parameters.as_dict() | {
+        name: float(weights @ np.array(theta.values()))
+        for name, (weights, _) in lump_weights(theta).items()
+    }
+    answers = []
+    for name, quantity in (found.parameters | found.lumps).items():
+        low, high = quantity.ci95 or (np.nan, np.nan)
+        size = abs(true[name]) if name not in ("a_x", "a_y") else theta.platform.lever
+        answers.append({
+            "name": name,
+            "lump": name in found.lumps,
+            "given": quantity.ci95 is not None,
+            "holds": bool(low <= true[name] <= high),
+            "half": 0.5 * (high - low) / size,
+        })  # fmt: skip
+    return answers
+
+
+def summary(answers: list[dict]) -> dict:
+    """Figures of one kind of robot, percent."""
+    given = [one for one in answers if one.get("given")]
+    lumps = [one["holds"] for one in given if one["lump"]]
+    return {
+        "intervals": len(given),
+        "hold": 100 * float(np.mean([one["holds"] for one in given])),
+        "lumps_hold": 100 * float(np.mean(lumps)),
+        "half_width": 100 * float(np.median([one["half"] for one in given])),
+        "not_given": len(answers) - len(given),
+    }
 
 
 def chosen_cases(

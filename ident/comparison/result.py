@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -24,17 +25,20 @@ from ident.pooling import as_list, as_one
 from ident.recording import find_recordings
 from ident.recording_words import Instrument
 from ident.regression import AXES, Regression, build_regression
+from ident.shown import Shown
 from ident.threads import one_thread
 from youbot_env.model import Model
+from youbot_env.model_file import load_model
 
 VELOCITIES = ("vx", "vy", "yaw_rate")
+UNITS = ("m/s", "m/s", "rad/s")
 # Units of the equations' two forces and moment, by what drives the wheels.  The factor from volts
 # to torque is not known to a log.
 FORCE_UNITS = {"torque": ("N", "N", "N m"), "voltage": ("V/m", "V/m", "V")}
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Shown):
     """One model against one log.
 
     Attributes:
@@ -86,6 +90,21 @@ class Comparison:
         """Units of ``force_residual``."""
         return FORCE_UNITS[self.log.drive]
 
+    def headline(self) -> str:
+        """See the base class."""
+        return Comparisons([self]).headline()
+
+    def table(self) -> dict[str, list[Any]]:
+        """Where the error gathers."""
+        return {
+            name: [one[name] for one in map(Regime.as_dict, self.where)]
+            for name in (self.where[0].as_dict() if self.where else ())
+        }
+
+    def plot(self):
+        """Measured and simulated velocities."""
+        return Comparisons([self]).plot()
+
     def as_dict(self) -> dict[str, Any]:
         """Return what ``compare.py --json`` writes for one model."""
         return {
@@ -103,19 +122,60 @@ class Comparison:
         }
 
 
+class Comparisons(Shown, list):
+    """What ``compare`` returns: a list of a ``Comparison`` of every model, as they were given."""
+
+    def headline(self) -> str:
+        """See the base class."""
+        best = min(self, key=lambda one: one.run.nrmse)
+        error = f"free-run error {100 * best.run.nrmse:.3g} %"
+        rank = " is the best of these" if len(self) > 1 else ""
+        return f"{best.log.name}: {best.model.name}{rank}, {error}"
+
+    def table(self) -> dict[str, list[Any]]:
+        """A row for each model."""
+        ends = [one.run_ci95 or (None, None) for one in self]
+        errors = np.array([one.run.rmse for one in self]).T.tolist()
+        return {
+            "model": [one.model.name for one in self],
+            "free-run error": [one.run.nrmse for one in self],
+            "low": [low for low, _ in ends],
+            "high": [high for _, high in ends],
+            **{f"{name} {unit}": column
+               for name, unit, column in zip(VELOCITIES, UNITS, errors, strict=True)},
+            "equation error": [float(one.equation[3]) for one in self],
+        }  # fmt: skip
+
+    def plot(self):
+        """Measured velocities and those that each model simulates."""
+        from ident.comparison.standing import rank
+        from ident.report.compare import colored
+        from ident.report.motion import velocities_figure
+
+        drawn = [(one.model.name, color, one.run) for color, one in colored(rank(self))]
+        return velocities_figure.on_canvas(drawn)
+
+    def as_dict(self) -> dict[str, Any]:
+        """See the base class."""
+        return {"models": [one.as_dict() for one in self]}
+
+    def __repr__(self) -> str:
+        return Shown.__repr__(self) if self else "Comparisons: none"
+
+
 @one_thread
 def compare(
     log: Log | Sequence[Log],
-    models: Iterable[Model],
+    models: str | PathLike | Model | Iterable[str | PathLike | Model],
     window: float = WINDOW,
     seed: int = 0,
     progress: Callable[[int], None] | None = None,
-) -> list[Comparison]:
+) -> Comparisons:
     """Compare models with logs.
 
     Args:
         log: measured record with a drive input; several count as runs of one record.
-        models: any number of models on the log's platform.
+        models: a model, its file or name, or any number of these, on the log's platform.
         window: length of the free runs, s.
         seed: of the resampling behind the intervals; the same draws for every model.
         progress: called with the number of models done.
@@ -124,7 +184,11 @@ def compare(
         ValueError: a model on another platform, or a log without drive input or too short.
     """
     log = as_one(as_list(log))
-    models, found = [without_instruments(model) for model in models], []
+    single = isinstance(models, str | PathLike | Model) or not isinstance(models, Iterable)
+    models = [load_model(model) for model in ([models] if single else models)]
+    if not models:
+        raise ValueError("models is empty; give at least one model, its file or its name")
+    models, found = [without_instruments(model) for model in models], Comparisons()
     for model in models:
         check_platform(log, model)
     # The recording is found once, beside the model that knows most: it is the same for all.

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from os import PathLike
+from typing import Any
 
 from ident.design.calibration import Calibration, best_calibration
 from ident.design.criterion import Criterion, intervals, quantities
@@ -12,8 +14,10 @@ from ident.design.limits import Limits
 from ident.design.noise import RATE, NoiseModel
 from ident.design.search import Candidate, Search, plans, search_motion
 from ident.design.verify import Experiment, simulate
+from ident.shown import Shown
 from ident.threads import one_thread
 from youbot_env.model import Model
+from youbot_env.model_file import load_model
 from youbot_env.references import Fourier
 from youbot_env.simulation import Sensors
 
@@ -33,8 +37,8 @@ __all__ = [
 FEWEST = 3
 
 
-@dataclass(frozen=True)
-class Design:
+@dataclass(frozen=True, repr=False)
+class Design(Shown):
     """A designed motion beside the paper's, at equal time and limits.
 
     Attributes:
@@ -63,6 +67,38 @@ class Design:
         """The same for motions I-IV."""
         return self._intervals(self.calibration)
 
+    def headline(self) -> str:
+        """See the base class."""
+        return (
+            f"{self.seconds:g} s for {self.target} on {self.model.name}, beside motions I-IV "
+            "of the same length and limits"
+        )
+
+    def table(self) -> dict[str, list[Any]]:
+        """Half widths of 95 % intervals that both motions are expected to give."""
+        mine, theirs = self.expected(), self.expected_calibration()
+        return {
+            "quantity": list(mine),
+            "designed": [float(half) for half in mine.values()],
+            "motions I-IV": [float(theirs[name]) for name in mine],
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what JSON shows."""
+        return {
+            "target": self.target,
+            "seconds": self.seconds,
+            "motion": asdict(self.motion),
+            "expected": self.expected(),
+            "expected_calibration": self.expected_calibration(),
+        }
+
+    def plot(self):
+        """Expected intervals of the designed motion as shares of those of motions I-IV."""
+        from ident.report.gains import design_figure
+
+        return design_figure.on_canvas(self.expected(), self.expected_calibration())
+
     def _intervals(self, source: Candidate | Calibration) -> dict[str, float]:
         return intervals(source.information.covariance(self.seconds * RATE), self.model)
 
@@ -70,7 +106,7 @@ class Design:
 @one_thread
 def design_motion(
     target: str,
-    model: Model,
+    model: str | PathLike | Model = "nominal",
     seconds: float = 60.0,
     limits: Limits | None = None,
     harmonics: int = 8,
@@ -84,8 +120,8 @@ def design_motion(
     Args:
         target: a parameter (``m0``, ``a_x``, ...), a combination (``x1+x3``), ``x1`` .. ``x7``,
             ``A`` (all parameters, each in sizes of itself) or ``D`` (volume of all intervals).
-        model: robot that noise, torques and intervals are expected for, the nominal one as a rule;
-            its effects are left out.
+        model: robot that noise, torques and intervals are expected for, its file or name; its
+            effects are left out.
         seconds: length of the experiment, s.
         limits: speed, yaw rate, accelerations and torque.
         harmonics: sines an axis, 3 or more.
@@ -97,7 +133,8 @@ def design_motion(
     Raises:
         ValueError: an unknown target, or a request that no motion can meet.
     """
-    limits, model = limits or Limits(), replace(model, effects=(), covariance=None)
+    limits = limits or Limits()
+    model = replace(load_model(model), effects=(), covariance=None)
     if harmonics < FEWEST or starts < 1:
         raise ValueError(
             f"harmonics = {harmonics}, starts = {starts}; give {FEWEST} or more harmonics and one "

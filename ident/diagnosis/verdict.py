@@ -41,6 +41,7 @@ from ident.pooling import as_list, pooled
 from ident.recording import Recording
 from ident.recording_words import Instrument
 from ident.repeats import Repeat, repeats
+from ident.shown import Shown
 from ident.thinning import SEARCHED
 from ident.threads import one_thread
 from ident.unexplained import UNEXPLAINED
@@ -54,8 +55,8 @@ WORTH_TELLING = 0.1
 TOLD = 2
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Shown):
     """What is missing from a model.
 
     Attributes:
@@ -113,6 +114,34 @@ class Diagnosis:
         if self.first is None:
             return ()
         return compare(self.first.parts[0].log, [self.base])[0].where
+
+    def headline(self) -> str:
+        """See the base class."""
+        return f"{self.log}: {self.verdict}: {self.reason}"
+
+    def table(self) -> dict[str, list[Any]]:
+        """The effects that were added, with sizes, intervals and the error after each."""
+        drops = self.errors.drops if self.errors else {}
+        rows = [
+            (step.best.identifier, "/".join(step.group), flat, q.value, *(q.ci95 or (None, None)),
+             q.unit, drops.get(step.best.identifier))
+            for step in self.steps
+            for flat, q in step.sizes(self.model).items()
+        ]  # fmt: skip
+        head = ("effect", "group", "size", "value", "low", "high", "unit", "error drop")
+        return {name: [row[k] for row in rows] for k, name in enumerate(head)}
+
+    def plot(self):
+        """The error on untouched windows with every effect that was added.
+
+        Raises:
+            ValueError: the logs decide nothing, so that there is no error.
+        """
+        from ident.report.diagnose_figures import error_steps_figure
+
+        if self.errors is None:
+            raise ValueError(f"nothing to draw: {self.reason}")
+        return error_steps_figure.on_canvas(self.errors)
 
     def as_dict(self) -> dict[str, Any]:
         """Return what ``diagnose.py --json`` writes."""

@@ -28,6 +28,7 @@ from ident.kinematics.words import remarks, undetermined_words
 from ident.log import Log
 from ident.pooling import as_list
 from ident.quantities import Quantity
+from ident.shown import Shown, quantity_columns
 from ident.threads import one_thread
 from youbot_env.model import Model
 from youbot_env.platform import Platform
@@ -38,8 +39,8 @@ WINDOW = 2.0
 DRIFTS = ("before", "after", "followed", "test_before", "test_after", "test_followed")
 
 
-@dataclass(frozen=True)
-class KinematicCalibration:
+@dataclass(frozen=True, repr=False)
+class KinematicCalibration(Shown):
     """What wheels and pose say about the kinematics of a platform.
 
     Attributes:
@@ -78,6 +79,30 @@ class KinematicCalibration:
     drifts: dict[str, Drift | None]
     fit: Fit
     left_out: dict[str, str] = field(default_factory=dict)
+
+    def headline(self) -> str:
+        """See the base class."""
+        left = f"; not told by this motion: {'; '.join(self.undetermined)}" * bool(
+            self.undetermined
+        )
+        before, after = (self.drifts.get(name) for name in ("before", "after"))
+        way = (
+            f": odometry off by {1e3 * before.position_per_metre:.3g} mm/m before, "
+            f"{1e3 * after.position_per_metre:.3g} mm/m after"
+            if before and after
+            else ""
+        )
+        return f"{self.log} on {self.nominal.name}{way}{left}"
+
+    def table(self) -> dict[str, list[Any]]:
+        """See the base class."""
+        return quantity_columns(self.parameters | self.gains | self.mount)
+
+    def plot(self):
+        """Motion over what nominal odometry says, by axis, with 95 % intervals."""
+        from ident.report.gains import gains_figure
+
+        return gains_figure.on_canvas(self.gains)
 
     def effects(self) -> dict[str, dict[str, float]]:
         """The result as effects on the nominal platform, by identifier and flat name."""

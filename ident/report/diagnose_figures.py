@@ -89,13 +89,10 @@ def _draw_gains(canvas, shown: list[Reach], named: tuple[str, ...], height: floa
     )  # fmt: skip
 
 
-def error_steps_figure(errors: FreeRunErrors) -> bytes:
+@figure(lambda errors: 1.15 + 0.42 * len(errors.names))
+def error_steps_figure(canvas, errors: FreeRunErrors) -> None:
     """Free-run error on untouched windows with every effect that was added."""
-    height = 1.15 + 0.42 * len(errors.names)
-    return figure(height)(_draw_steps)(errors, height)
-
-
-def _draw_steps(canvas, errors: FreeRunErrors, height: float) -> None:
+    height = canvas.get_figheight()
     names = ["base model", *(f"+ {name}" for name in errors.names[1:])]
     grid = canvas.add_gridspec(
         1, 4, width_ratios=(1.9, 1, 1, 1), left=0.2, right=0.98, bottom=0.6 / height,

@@ -63,26 +63,36 @@ VELOCITIES = (("$V_X$", "m/s"), ("$V_Y$", "m/s"), ("$\\Omega$", "rad/s"))
 FORCES = ("$L\\,F_X$", "$L\\,F_Y$", "$M_O$")
 
 
-def figure(height: float, width: float = WIDTH) -> Callable:
+def figure(height: float | Callable[..., float], width: float = WIDTH) -> Callable:
     """Turn ``draw(figure, ...)`` into a function of the rest that returns the PNG as bytes.
 
+    Its ``on_canvas`` returns the figure itself, of matplotlib.
+
     Args:
-        height, width: inches.
+        height, width: inches; a height may be computed from what is drawn.
     """
 
     def decorate(draw: Callable[..., None]) -> Callable[..., bytes]:
         @wraps(draw)
         def drawn(*args) -> bytes:
             import matplotlib
-            from matplotlib.figure import Figure
 
             stream = io.BytesIO()
             with matplotlib.rc_context(STYLE):
-                canvas = Figure(figsize=(width, height), dpi=DPI)
-                draw(canvas, *args)
-                canvas.savefig(stream, format="png", metadata={"Software": None})
+                on_canvas(*args).savefig(stream, format="png", metadata={"Software": None})
             return stream.getvalue()
 
+        def on_canvas(*args):
+            import matplotlib
+            from matplotlib.figure import Figure
+
+            inches = height(*args) if callable(height) else height
+            with matplotlib.rc_context(STYLE):
+                canvas = Figure(figsize=(width, inches), dpi=DPI)
+                draw(canvas, *args)
+            return canvas
+
+        drawn.on_canvas = on_canvas
         return drawn
 
     return decorate
