@@ -1,4 +1,7 @@
-"""Controllers by name; every ``Controller`` subclass with a name in this folder is found."""
+"""Controllers by name.
+
+Every ``Controller`` subclass with a name in this folder is found; ``register`` adds others.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +15,22 @@ from typing import Any
 
 from controllers.base import Controller, Settings
 from youbot_env.arguments import check_kind
+from youbot_env.envs.task import LEVELS
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
-__all__ = ["Controller", "Settings", "controller_names", "find", "make"]
+__all__ = [
+    "Controller",
+    "Settings",
+    "controller_names",
+    "find",
+    "make",
+    "register",
+    "unregister",
+]
+
+# Controllers from outside this folder.
+_EXTRA: dict[str, type[Controller]] = {}
 
 
 @cache
@@ -29,9 +44,46 @@ def _found() -> dict[str, type[Controller]]:
     return found
 
 
+def register(controller: type[Controller]) -> type[Controller]:
+    """Make a controller defined outside this folder known by its name; usable as a decorator.
+
+    Raises:
+        TypeError: no subclass of ``Controller``.
+        ValueError: it states no name or level, lacks ``act``, or the name belongs to another
+            controller already.
+    """
+    if not (isinstance(controller, type) and issubclass(controller, Controller)):
+        raise TypeError(f"controller = {controller!r}; give a subclass of controllers.Controller")
+    what = f"controller class {controller.__qualname__}"
+    name = vars(controller).get("name")
+    if not (isinstance(name, str) and name):
+        raise ValueError(f'{what} states no name; write name = "..." in it')
+    if controller.action_level not in LEVELS:
+        raise ValueError(
+            f"{what}: action_level {controller.action_level!r} is none of {sorted(LEVELS)}"
+        )
+    if controller.act is Controller.act:
+        raise ValueError(f"{what} does nothing; override act")
+    known = {**_found(), **_EXTRA}.get(name)
+    if known is not None and _place(known) != _place(controller):
+        raise ValueError(f"controller {name!r} exists already: {_place(known)}")
+    _EXTRA[name] = controller
+    return controller
+
+
+def unregister(name: str) -> None:
+    """Forget a controller that was registered from outside; no harm if there is none."""
+    _EXTRA.pop(name, None)
+
+
+def _place(controller: type[Controller]) -> str:
+    """Where a class stands; one that is defined anew takes the place of the old."""
+    return f"{controller.__module__}.{controller.__qualname__}"
+
+
 def controller_names() -> tuple[str, ...]:
     """Names that ``make`` knows, sorted."""
-    return tuple(sorted(_found()))
+    return tuple(sorted({**_found(), **_EXTRA}))
 
 
 def find(name: str) -> type[Controller]:
@@ -40,7 +92,7 @@ def find(name: str) -> type[Controller]:
     Raises:
         ValueError: unknown name.
     """
-    known = _found()
+    known = {**_found(), **_EXTRA}
     check_kind("name", name, str, f"one of {sorted(known)}")
     if name not in known:
         near = difflib.get_close_matches(name, known, 1)

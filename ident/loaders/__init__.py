@@ -1,4 +1,7 @@
-"""Log formats, one file each; every ``Loader`` subclass in this folder is found by itself."""
+"""Log formats, one file each.
+
+Every ``Loader`` subclass in this folder is found by itself; ``register`` adds others.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +16,68 @@ from ident.doctor.finding import LogError
 from ident.loaders.base import Loader, Table, refuse
 from youbot_env.platform import Platform
 
-__all__ = ["Loader", "Table", "damage_told", "find_loader", "loaders", "read"]
+__all__ = [
+    "Loader",
+    "Table",
+    "damage_told",
+    "find_loader",
+    "loaders",
+    "read",
+    "register",
+    "unregister",
+]
+
+# Loaders from outside this folder.
+_EXTRA: dict[str, Loader] = {}
+
+
+def register(loader: type[Loader]) -> type[Loader]:
+    """Make a format defined outside this folder known; usable as a decorator.
+
+    It is asked before shipped formats of the same priority.
+
+    Raises:
+        TypeError: no subclass of ``Loader``.
+        ValueError: it states no identifier or title, lacks ``recognises`` or ``read``, or the
+            identifier belongs to another format already.
+    """
+    if not (isinstance(loader, type) and issubclass(loader, Loader)):
+        raise TypeError(f"loader = {loader!r}; give a subclass of ident.loaders.Loader")
+    missing = [name for name in ("identifier", "title") if not getattr(loader, name, None)]
+    missing += [n for n in ("recognises", "read") if getattr(loader, n) is getattr(Loader, n)]
+    if missing:
+        raise ValueError(f"loader class {loader.__qualname__} does not state {missing}")
+    known = {**_shipped(), **_EXTRA}.get(loader.identifier)
+    if known is not None and _place(type(known)) != _place(loader):
+        raise ValueError(f"format {loader.identifier!r} exists already: {_place(type(known))}")
+    _EXTRA[loader.identifier] = loader()
+    return loader
+
+
+def unregister(identifier: str) -> None:
+    """Forget a format that was registered from outside; no harm if there is none."""
+    _EXTRA.pop(identifier, None)
+
+
+def _place(loader: type[Loader]) -> str:
+    """Where a class stands; one that is defined anew takes the place of the old."""
+    return f"{loader.__module__}.{loader.__qualname__}"
+
+
+def loaders() -> tuple[Loader, ...]:
+    """All loaders, in the order in which they are asked."""
+    return tuple(sorted({**_EXTRA, **_shipped()}.values(), key=lambda one: -one.priority))
 
 
 @cache
-def loaders() -> tuple[Loader, ...]:
-    """All loaders, in the order in which they are asked."""
+def _shipped() -> dict[str, Loader]:
     found = {}
     for module in pkgutil.iter_modules(__path__):
         loaded = importlib.import_module(f"{__name__}.{module.name}")
         for item in vars(loaded).values():
             if isinstance(item, type) and issubclass(item, Loader) and hasattr(item, "identifier"):
                 found[item.identifier] = item()
-    return tuple(sorted(found.values(), key=lambda loader: -loader.priority))
+    return found
 
 
 def find_loader(path: Path) -> Loader:
