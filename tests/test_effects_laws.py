@@ -6,11 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ident.log import Log
+from ident.regression import build_regression
 from youbot_env.backend import FLOAT
 from youbot_env.effects import Signals, get_effect
 from youbot_env.effects.base import GRAVITY
 from youbot_env.effects.rolling_resistance import static_loads
 from youbot_env.model import Model
+from youbot_env.model_file import load_model
 from youbot_env.parameters import Parameters
 from youbot_env.plant import Structure
 from youbot_env.platform import Geometry, Platform, Wheel, omni3, wheel_rows, youbot
@@ -287,3 +290,14 @@ def test_dry_friction_of_the_body_opposes_translation_with_one_force():
         fx, fy, moment = effect.body(p, s, FLOAT)
         assert (fx, fy) == pytest.approx((-12.0 * math.cos(heading), -12.0 * math.sin(heading)))
         assert moment == 0.0
+
+
+def test_equations_of_a_log_take_ripple_and_friction_of_the_rollers_together():
+    model = load_model("paper").with_effects(
+        {"roller_ripple": 0.7, "roller_coulomb_friction": 0.01}
+    )
+    log = Log.load("logs/youbot_test.csv").part(0.0, 10.0)
+    regression = build_regression(log, model)
+    assert np.isfinite(regression.H).all()
+    column = regression.H[..., regression.names.index("roller_coulomb_friction.fc")]
+    assert np.abs(column[:, 1]).max() > 0.0

@@ -69,4 +69,5 @@ class RollerRipple(Effect):
         mean, square = rate_moments(robot, PITCH / 2)
         power = 1.0 + 2.0 * p.size * (mean - 1.0) + p.size**2 * (square - 2.0 * mean + 1.0)
         equal = 1.0 / ops.sqrt(power)
-        return Geometry.from_rows(jacobian, [[equal * g for g in row] for row in rollers])
+        slower = tuple(tuple(equal * rate for rate in row) for row in rollers)
+        return Geometry.from_rows(jacobian, slower)
