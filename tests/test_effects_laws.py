@@ -299,5 +299,5 @@ def test_equations_of_a_log_take_ripple_and_friction_of_the_rollers_together():
     log = Log.load("logs/youbot_test.csv").part(0.0, 10.0)
     regression = build_regression(log, model)
     assert np.isfinite(regression.H).all()
-    column = regression.H[..., regression.names.index("roller_coulomb_friction.fc")]
+    column = regression.H[..., regression.names.index("roller_coulomb_friction.tc")]
     assert np.abs(column[:, 1]).max() > 0.0
