@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from long_cases import long
 from shared_data import shared
 
 from ident import diagnose
@@ -92,12 +93,13 @@ def test_a_hidden_effect_is_named_with_its_size(sticky, alone):
     [
         {"floor_slope": {"sx": 0.012, "sy": -0.008}},
         {"torque_gain": {"e_rr": 0.1}},
-        {"torque_ripple": {"a": 0.2, "b": 0.1, "k": 4.6}},
-        pytest.param({"torque_dead_zone": 0.2}, marks=pytest.mark.long),
+        long({"torque_ripple": {"a": 0.2, "b": 0.1, "k": 4.6}}),
+        long({"torque_dead_zone": 0.2}),
     ],
 )
 def test_effects_of_every_kind_are_named(effects):
-    found = diagnose(*pair(effects)[:1], NOMINAL, pair(effects)[1])
+    fit, test = pair(effects)
+    found = diagnose(fit, NOMINAL, test)
     assert found.verdict == "named"
     assert [step.best.identifier for step in found.named] == list(effects)
 
@@ -132,6 +134,7 @@ def test_what_no_effect_explains_is_said_to_lie_outside():
     assert found.as_dict()["named"] == []
 
 
+@pytest.mark.long
 def test_what_acts_in_a_few_moments_is_compared_though_their_number_proves_little():
     recorded = record_case(Case("single", ("torque_saturation",), 0.5, 0, 1))
     found = diagnose(recorded.fit, NOMINAL, recorded.verify)
@@ -140,9 +143,11 @@ def test_what_acts_in_a_few_moments_is_compared_though_their_number_proves_littl
     assert limit == pytest.approx(recorded.truth.effects[0].values["limit"], rel=0.01)
 
 
+@pytest.mark.long
 def test_a_payload_is_found_with_its_moment():
     effects = {"payload_change": {"dm": 12.0, "dI": 0.3, "dpx": -0.6, "dpy": 0.3, "t0": 37.0}}
-    found = diagnose(*pair(effects)[:1], NOMINAL, pair(effects)[1])
+    fit, test = pair(effects)
+    found = diagnose(fit, NOMINAL, test)
     assert [step.best.identifier for step in found.named] == ["payload_change"]
     sizes = found.named[0].sizes(found.model)
     assert sizes["t0"].value == pytest.approx(37.0, abs=0.1)
@@ -249,10 +254,10 @@ def test_motions_of_the_menu_are_the_shipped_files():
     [
         ("a-nothing-hidden", None),
         ("b-wheel-coulomb", "wheel_coulomb_friction"),
-        ("c-floor-slope", "floor_slope"),
+        long("c-floor-slope", "floor_slope"),
         ("d-torque-gain-fl", "torque_gain"),
-        ("e-delay-18ms", "actuator_delay"),
-        ("f-cable", "cable_tether"),
+        long("e-delay-18ms", "actuator_delay"),
+        long("f-cable", "cable_tether"),
     ],
 )
 def test_robots_with_real_rollers(name, effect):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from long_cases import long
 from shared_data import shared
 
 from ident import diagnose
@@ -21,11 +22,6 @@ BRISTLES = {"presliding_friction": {"fc": 0.15, "bend": 0.05}}
 WORM = {"direction_dependent_friction": {"forward": 0.1, "backward": 0.2}}
 
 
-def long(*values):
-    """A case of ``make test-long``: others like it are in ``make test``."""
-    return pytest.param(*values, marks=pytest.mark.long)
-
-
 def record(effects):
     """A calibration and a random motion of a robot with effects."""
     model, logs = PAPER.with_effects(effects), []
@@ -38,7 +34,7 @@ def record(effects):
 
 
 @pytest.mark.parametrize(
-    "effects", [CASTER, RIBS, NAP, long(PATCH), RAMP, long(WORM), long(BRISTLES)]
+    "effects", [long(CASTER), long(RIBS), NAP, long(PATCH), RAMP, long(WORM), long(BRISTLES)]
 )
 def test_floors_casters_and_gears_are_named_with_their_sizes(effects):
     fit, test = record(effects)
@@ -79,9 +75,9 @@ def test_what_is_left_out_of_the_library_is_refused(effects, unknown):
     [
         long({"body_dry_friction": 8.0}, "caster_drag"),
         ({"floor_slope": {"sx": 0.012, "sy": -0.008}}, "ramp"),
-        ({"wheel_coulomb_friction": 0.12}, "direction_dependent_friction"),
+        long({"wheel_coulomb_friction": 0.12}, "direction_dependent_friction"),
         ({"torque_offset": {"b_fl": 0.1}}, "direction_dependent_friction"),
-        ({"quadratic_drag": 80.0}, "carpet"),
+        long({"quadratic_drag": 80.0}, "carpet"),
     ],
 )
 def test_the_simpler_lookalike_is_not_named_as_the_general_one(special, general):
@@ -95,7 +91,7 @@ def test_the_simpler_lookalike_is_not_named_as_the_general_one(special, general)
 
 @pytest.mark.parametrize(
     ("name", "effect"),
-    [("f11", "caster_drag"), ("f12", "carpet"), long("f18", "torque_ripple")],
+    [("f11", "caster_drag"), long("f12", "carpet"), long("f18", "torque_ripple")],
 )
 def test_robots_of_another_simulator(name, effect):
     fit, test = (Log.load(shared("foreign-robot", f"{name}.{k}.parquet"))

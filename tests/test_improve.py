@@ -11,7 +11,7 @@ import pytest
 
 from ident.diagnosis.parts import divide
 from ident.diagnosis.rivals import refit
-from ident.improvement import _base, improve
+from ident.improvement import _base
 from ident.log import Log
 from youbot_env.model_file import load_model
 from youbot_env.references import SmoothRandom, calibration_sequence, make_reference
@@ -33,21 +33,40 @@ def logs():
     return found
 
 
-def test_error_falls_at_every_step_and_the_base_returns(logs):
-    done = improve(logs[0], "nominal", logs[1])
-    assert {stage.added for stage in done.stages[1:]} == set(HIDDEN)
-    errors = [stage.nrmse for stage in done.stages]
+@pytest.fixture(scope="module")
+def files(logs, tmp_path_factory):
+    """What the script writes for the logs: the model and the JSON."""
+    folder = tmp_path_factory.mktemp("improved")
+    paths = [log.save(folder / f"{k}.csv") for k, log in zip("ab", logs, strict=True)]
+    out, file = folder / "model.yaml", folder / "i.json"
+    done = improve(str(paths[0]), "--test", str(paths[1]), "--out", str(out), "--json", str(file))
+    assert done.returncode == 0, done.stderr
+    return out, json.loads(file.read_text())
+
+
+def improve(*options):
+    """Run the script."""
+    return subprocess.run(
+        [sys.executable, "scripts/improve.py", *options],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_error_falls_at_every_step_and_the_base_returns(files):
+    stages = files[1]["stages"]
+    assert {stage["added"] for stage in stages} == {None, *HIDDEN}
+    errors = [stage["free_run"]["nrmse"] for stage in stages]
     assert errors == sorted(errors, reverse=True)
-    assert done.stages[0].covered == 0.0
-    assert done.stages[-1].covered > 0.9
+    assert stages[0]["covered"] == 0.0
+    assert stages[-1]["covered"] > 0.9
     truth = load_model("paper").parameters
     first, last = (
-        np.hypot(stage.base["a_x"].value - truth.a_x, stage.base["a_y"].value - truth.a_y)
-        for stage in done.stages[:: len(errors) - 1]
+        np.hypot(*(stage["base"][n]["value"] - getattr(truth, n) for n in ("a_x", "a_y")))
+        for stage in stages[:: len(stages) - 1]
     )
     assert last < 0.2 * first
-    mu1 = [stage.base["mu1"] for stage in done.stages]
-    assert abs(mu1[-1].value - mu1[0].value) > 5 * mu1[-1].se
+    mu1 = [stage["base"]["mu1"] for stage in stages]
+    assert abs(mu1[-1]["value"] - mu1[0]["value"]) > 5 * mu1[-1]["se"]
 
 
 def test_without_turning_mass_and_wheel_inertia_stay_open():
@@ -62,25 +81,15 @@ def test_without_turning_mass_and_wheel_inertia_stay_open():
     assert base["mu2"].value == pytest.approx(truth.mu2, rel=1e-6)
 
 
-def test_script_writes_a_model_that_drives(logs, tmp_path):
-    paths = [log.save(tmp_path / f"{k}.csv") for k, log in zip("ab", logs, strict=True)]
-    out, file = tmp_path / "model.yaml", tmp_path / "i.json"
-    command = [sys.executable, "scripts/improve.py", str(paths[0]), "--test", str(paths[1])]
-    done = subprocess.run(
-        [*command, "--out", str(out), "--json", str(file)],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    result = json.loads(file.read_text())
-    assert {stage["added"] for stage in result["stages"]} == {None, *HIDDEN}
-    env = gym.make("YouBot-v0", model=str(out))
+def test_the_model_drives(files):
+    env = gym.make("YouBot-v0", model=str(files[0]))
     env.reset(seed=0)
     env.step(env.action_space.sample())
+
+
+def test_a_log_that_is_too_short_is_refused_with_what_to_record(logs, tmp_path):
     short = logs[0].part(0.0, 8.0).save(tmp_path / "short.csv")
-    refused = subprocess.run(
-        [*command[:2], str(short), "--out", str(tmp_path / "none.yaml")],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    refused = improve(str(short), "--out", str(tmp_path / "none.yaml"))
     assert refused.returncode == 1
     assert "20 s" in refused.stdout
     assert "record.py" in refused.stderr

@@ -10,7 +10,6 @@ from ident import Log, calibrate_kinematics, compare, design_motion, diagnose, i
 from youbot_env.model_file import load_model
 
 FIT, TEST = "logs/youbot_fit.csv", "logs/youbot_test.csv"
-SHORT = 1_500  # rows: enough for every function, too little for an effect
 
 
 @pytest.fixture(scope="module")
@@ -24,12 +23,13 @@ def files(tmp_path_factory):
 @pytest.fixture(scope="module")
 def results(files):
     """One result of every function of the library, all from files and names."""
+    improved = improve([files["fit"]], load_model("nominal"))
     return {
         "identify": identify(files["fit"], "nominal", test=files["test"]),
         "compare": compare(files["test"], ["nominal", "paper"]),
         "one": compare(str(files["test"]), "nominal")[0],
-        "diagnose": diagnose(str(files["fit"])),
-        "improve": improve([files["fit"]], load_model("nominal")),
+        "diagnose": improved.found,
+        "improve": improved,
         "calibrate": calibrate_kinematics(files["fit"]),
         "design": design_motion("m0", "paper", seconds=40.0, harmonics=3, starts=1),
     }
