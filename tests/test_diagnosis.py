@@ -31,7 +31,13 @@ from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import ActiveEffect
 from youbot_env.model_file import load_model
-from youbot_env.references import Fourier, SmoothRandom, calibration_sequence, load_motion
+from youbot_env.references import (
+    Fourier,
+    SmoothRandom,
+    calibration_sequence,
+    load_motion,
+    make_reference,
+)
 from youbot_env.simulation import Sensors, record_closed_loop
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -297,3 +303,12 @@ def test_script_writes_the_contract(tmp_path, sticky):
     )
     assert same.returncode == 2
     assert "same record" in same.stderr
+
+
+def test_nothing_is_named_below_the_noise():
+    """Motion I hardly moves on two axes; one in eight such logs named carpet."""
+    log = record(PAPER, make_reference("I", speed=0.3), 60.0, 0)
+    found = diagnose(log, NOMINAL)
+    assert found.errors.before < found.errors.floor
+    assert found.verdict == "nothing_missing"
+    assert found.as_dict()["named"] == []

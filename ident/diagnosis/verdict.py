@@ -24,7 +24,7 @@ from ident.diagnosis.records import (
     told,
     with_unknown_hold,
 )
-from ident.diagnosis.rivals import refit
+from ident.diagnosis.rivals import Refits, refit
 from ident.diagnosis.rounds import REMAINDER, Round
 from ident.diagnosis.search import Search, search
 from ident.diagnosis.shortlist import LEAST_GAIN
@@ -236,11 +236,15 @@ def diagnose(
     tell("measuring errors on untouched windows")
     steps = confirmed(found.fits, refined, found.steps, first.simulations[-1])
     fits, start = freed(found.fits, records, refined.model, len(tests), model)
-    chain = chain_of(fits, start, steps)
+    chain, errors = _with_errors(fits, start, steps)
+    fitting = ""
+    if errors.before <= errors.floor and (_real(steps) or outside):
+        # Noise alone leaves as much without any of them.
+        fitting = ", ".join(step.best.identifier for step in _real(steps)) or "a dependence"
+        fitting = f"; {fitting} fits, but no more than noise was left without it"
+        steps, outside = [step for step in steps if step not in _real(steps)], False
+        chain, errors = _with_errors(fits, start, steps)
     last = chain[-1][1]
-    simulation = fits.of(last)[1][-1]
-    simulation = replace(simulation, model=replace(simulation.model, covariance=last.covariance))
-    errors = free_run_errors(fits, chain, simulation)
     steps.sort(key=lambda step: step.background)
     recording = told(records, fits, last)
     last = with_unknown_hold(last, recording, records[0].original)
@@ -252,7 +256,7 @@ def diagnose(
     return Diagnosis(
         log=name,
         verdict=verdict,
-        reason=reason + _repeated(verdict, across) + not_used(differs),
+        reason=reason + fitting + _repeated(verdict, across) + not_used(differs),
         steps=tuple(steps),
         model=replace(without_instruments(last), name="diagnosed"),
         base=without_instruments(chain[0][1]),
@@ -289,6 +293,22 @@ def _searched(
         tell("taking in what differs between the logs")
         refined, simulations = refit(parts, differing)
     return search(parts, refined, simulations, dependences(logs), seed, tell), refined
+
+
+def _with_errors(
+    fits: Refits, start: Model, steps: list[Step]
+) -> tuple[list[tuple[str, Model]], FreeRunErrors]:
+    """Models from the base to the last, and their errors on untouched windows."""
+    chain = chain_of(fits, start, steps)
+    last = chain[-1][1]
+    simulation = fits.of(last)[1][-1]
+    simulation = replace(simulation, model=replace(simulation.model, covariance=last.covariance))
+    return chain, free_run_errors(fits, chain, simulation)
+
+
+def _real(steps: list[Step]) -> list[Step]:
+    """Steps that are an effect of the robot that not every robot has."""
+    return [step for step in steps if not (step.background or step.recording)]
 
 
 def _repeated(verdict: str, across: tuple[Repeat, ...]) -> str:
@@ -341,7 +361,7 @@ def _judge(
     forces: dict[str, list[ForceShare]],
 ) -> tuple[str, str]:
     """Return verdict and reason."""
-    real = [step for step in steps if not (step.background or step.recording)]
+    real = _real(steps)
     fall = f"{errors.what} {100 * errors.before:.3g} % to {100 * errors.after:.3g} %"
     signals = ", ".join(signal for signal, _ in last.dependences()) or "no signal that was tried"
     names = ", ".join(step.best.identifier for step in real)
