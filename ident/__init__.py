@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 
 _HOME = {
+    "__version__": "youbot_env",
     "Log": "ident.log",
     "compare": "ident.comparison",
     "diagnose": "ident.diagnosis.verdict",

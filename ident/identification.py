@@ -1,4 +1,4 @@
-"""From measured logs to an identified model: the one call behind ``scripts/identify.py``."""
+"""From measured logs to an identified model: the one call behind ``youbot identify``."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Identification:
         return self.tests[0] if self.tests else None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what ``identify.py --json`` writes."""
+        """Return what ``youbot identify --json`` writes."""
         x, y, yaw, total = (float(v) for v in self.residual_nrmse)
         fit = {
             "method": self.method,
