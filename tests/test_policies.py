@@ -212,7 +212,7 @@ def test_a_policy_file_nested_without_end_is_no_policy(tmp_path):
 
 
 def test_a_policy_is_refused_where_it_was_not_trained_for():
-    with pytest.raises(PolicyFileError, match=r"no policy 'nobody'.*train\.py"):
+    with pytest.raises(PolicyFileError, match=r"no policy 'nobody'.*youbot train"):
         make("ppo", PAPER, policy="nobody")
     with pytest.raises(PolicyFileError, match=r"trained by 'ppo'; use make\('ppo'"):
         make("sac", PAPER, policy=policy())
