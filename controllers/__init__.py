@@ -11,12 +11,12 @@ from functools import cache
 from typing import Any
 
 from controllers.base import Controller, Settings
-from youbot_env import __version__
+from youbot_env import __version__ as __version__
 from youbot_env.arguments import check_kind
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
-__all__ = ["Controller", "Settings", "__version__", "controller_names", "find", "make"]
+__all__ = ["Controller", "Settings", "controller_names", "find", "make"]
 
 
 @cache
