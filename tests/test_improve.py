@@ -83,5 +83,5 @@ def test_script_writes_a_model_that_drives(logs, tmp_path):
     )  # fmt: skip
     assert refused.returncode == 1
     assert "20 s" in refused.stdout
-    assert "record.py" in refused.stderr
+    assert "youbot record" in refused.stderr
     assert not (tmp_path / "none.yaml").exists()
