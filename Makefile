@@ -13,7 +13,7 @@ export OPENBLAS_NUM_THREADS := 1
 .PHONY: run test test-long fuzz lint clean
 
 run: $(VENV)/.base
-	$(BIN)/python scripts/identify.py --out report/identified.yaml --report report
+	$(BIN)/youbot identify --out report/identified.yaml --report report
 
 test: $(VENV)/.all lint
 	$(BIN)/python -m pytest -n 2 -m "not long"

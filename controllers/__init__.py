@@ -14,6 +14,7 @@ from functools import cache
 from typing import Any
 
 from controllers.base import Controller, Settings
+from youbot_env import __version__ as __version__
 from youbot_env.arguments import check_kind
 from youbot_env.envs.task import LEVELS
 from youbot_env.model import Model

@@ -53,13 +53,13 @@ class PolicyController(base.Controller):
 
 
 class Ppo(PolicyController):
-    """Policy learned by proximal policy optimisation (``python scripts/train.py``)."""
+    """Policy learned by proximal policy optimisation (``youbot train``)."""
 
     name = "ppo"
 
 
 class Sac(PolicyController):
-    """Policy learned by soft actor-critic (``python scripts/train.py --algorithm sac``)."""
+    """Policy learned by soft actor-critic (``youbot train --algorithm sac``)."""
 
     name = "sac"
 

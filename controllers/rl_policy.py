@@ -22,9 +22,10 @@ from controllers.rl_features import NAMES
 from youbot_env.envs.task import LARGEST, SHORTEST
 from youbot_env.model_file import write_atomically
 from youbot_env.schema import Entry, Section
+from youbot_env.shipped import Shipped
 
 KIND = "youbot policy 1"
-SHIPPED = Path(__file__).parent.parent / "models" / "policies"
+POLICIES = Shipped(Path(__file__).parent / "policies", ".json", ("policies", "models/policies"))
 ACTIVATIONS = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
 # Far above any policy of this project, far below what would trouble a machine.
 LARGEST_FILE = 50_000_000
@@ -202,19 +203,18 @@ class Policy:
 
 def shipped_policies() -> list[str]:
     """Names of the policies that come with the project."""
-    return sorted(path.stem for path in SHIPPED.glob("*.json"))
+    return POLICIES.names()
 
 
 def find_policy(source: str | os.PathLike) -> Path:
-    """Return the path of the JSON file of a policy."""
-    path = Path(source).with_suffix(".json")
-    for candidate in (path, SHIPPED / path.name):
-        if candidate.is_file() and (candidate is path or str(path.parent) == "."):
-            return candidate
-    raise PolicyFileError(
-        f"no policy {str(source)!r}; give the path of a policy's .json file or one of the shipped "
-        f"{shipped_policies()}, or train one: python scripts/train.py"
-    )
+    """Return the path of the JSON file of a policy, see ``youbot_env.shipped``."""
+    path = POLICIES.find(Path(source).with_suffix(".json"))
+    if path is None:
+        raise PolicyFileError(
+            f"no policy {str(source)!r}; give the path of a policy's .json file or one of the "
+            f"shipped {shipped_policies()}, or train one: youbot train"
+        )
+    return path
 
 
 def _read_json(path: Path) -> dict:
@@ -223,7 +223,7 @@ def _read_json(path: Path) -> dict:
     except (ValueError, RecursionError) as error:
         raise PolicyFileError(f"{path} is not valid JSON: {error}") from error
     if not isinstance(data, dict) or data.get("kind") != KIND:
-        raise PolicyFileError(f"{path} is no {KIND!r}; give the .json file that train.py wrote")
+        raise PolicyFileError(f"{path} is no {KIND!r}; give the .json file that youbot train wrote")
     missing = [entry for entry in FILE.needed if entry not in data]
     wrong = [entry for entry in ("network", "task", "normalisation", "weights", "training")
              if entry in data and not isinstance(data[entry], dict)]  # fmt: skip

@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 
 _HOME = {
+    "__version__": "youbot_env",
     "Log": "ident.log",
     "calibrate_kinematics": "ident.kinematics.calibration",
     "compare": "ident.comparison",

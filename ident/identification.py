@@ -1,4 +1,4 @@
-"""From measured logs to an identified model: the one call behind ``scripts/identify.py``."""
+"""From measured logs to an identified model: the one call behind ``youbot identify``."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ class Identification(Shown):
         return velocities_figure.on_canvas([("identified", IDENTIFIED, run)])
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what ``identify.py --json`` writes."""
+        """Return what ``youbot identify --json`` writes."""
         x, y, yaw, total = (float(v) for v in self.residual_nrmse)
         fit = {
             "method": self.method,

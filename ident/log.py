@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import itertools
+import os
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -26,6 +27,7 @@ from youbot_env.channels import channel_columns
 from youbot_env.model_file import write_atomically
 from youbot_env.platform import Platform, youbot
 from youbot_env.platform_file import GivenPlatform, read_platform
+from youbot_env.shipped import Shipped
 
 CHANNELS = (
     "wheel_velocity",
@@ -37,6 +39,8 @@ CHANNELS = (
     "battery_voltage",
     "wheel_angle",
 )
+
+BUNDLED = Shipped(Path(__file__).parent / "logs", ".csv", ("logs",))
 # Said of a log that looks like one of another robot, of which no wheel table is known.
 GIVE_TABLE = (
     "give its own, --platform 'R=.. r=.. l=.. h=..' or a file (docs/add_a_platform.md), or its "
@@ -138,7 +142,7 @@ class Log:
         """Read a log of any known format; every one passes the doctor.
 
         Args:
-            path: file or folder.
+            path: file or folder, or the name of a bundled log (``youbot_fit``, ``youbot_test``).
             platform: wheel table, or what ``read_platform`` takes (a YAML file, a line, a name),
                 which may also say how its logs are read; if left that which the file names, else
                 the youBot's.
@@ -157,7 +161,7 @@ class Log:
             ValueError: a name to accept is none.
         """
         accept = check_accepted(accept)
-        path = Path(path)
+        path = find_log(path)
         given = read_platform(platform) if isinstance(platform, str) else platform
         given = GivenPlatform(given) if isinstance(given, Platform) else given
         loader = find_loader(path)  # nothing that is no log, a folder of anything, is hashed
@@ -346,6 +350,15 @@ class Log:
             f"Log({self.name!r}, {len(self.time)} samples, {self.duration:.4g} s, "
             f"{1 / self.dt:.4g} Hz: {there})"
         )
+
+
+def find_log(source: str | os.PathLike) -> Path:
+    """Return the path that is given, or that of the log which a name means.
+
+    See ``youbot_env.shipped``; a folder that is there is a log of several files.
+    """
+    path = Path(source)
+    return path if path.exists() else BUNDLED.find(path) or path
 
 
 def _digest(path: Path) -> str:

@@ -10,13 +10,7 @@ SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
 
 
 @pytest.fixture
-def scripts(monkeypatch):
-    """Let tests import what stands beside the scripts."""
-    monkeypatch.syspath_prepend(SCRIPTS)
-
-
-@pytest.fixture
-def script(tmp_path, monkeypatch, capsys, scripts):
+def script(tmp_path, monkeypatch, capsys):
     """Run a script in an empty folder; returns (exit status, stdout, stderr)."""
     monkeypatch.chdir(tmp_path)
 

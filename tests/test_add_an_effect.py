@@ -86,9 +86,9 @@ def test_diagnosis_finds_it_and_without_it_says_outside(hidden):
 
 def test_commands_of_the_page_record_identify_and_control(file):
     for line in "".join(blocks("sh")).splitlines():
-        python, script, *options = shlex.split(line)
-        assert python == "python"
-        done = run(ROOT / script, *options, folder=file.parent)
+        program, name, *options = shlex.split(line)
+        assert program == "youbot"
+        done = run(ROOT / "scripts" / f"{name}.py", *options, folder=file.parent)
         assert done.returncode == 0, done.stderr
     log = (file.parent / "runs" / "a.csv").read_text(encoding="utf-8")
     assert "turning_drag" not in log.partition("\ntime,")[0]

@@ -43,7 +43,7 @@ def test_a_controller_of_ones_own_drives(folder, capsys):
 def test_a_format_of_ones_own_is_read_checked_and_identified(folder, capsys):
     code, use = blocks("add_a_log_format.md")
     (folder / "json_lines.py").write_text(code, encoding="utf-8")
-    source = Log.load(DOCS.parent / "logs" / "youbot_fit.csv").part(0.0, 60.0)
+    source = Log.load("youbot_fit").part(0.0, 60.0)
     rows = zip(source.time, source.wheel_velocity, source.wheel_torque, strict=True)
     text = "\n".join(
         json.dumps({"ms": 1e3 * t, "speed": w.tolist(), "torque": m.tolist()}) for t, w, m in rows

@@ -14,7 +14,7 @@ from youbot_env.platform import youbot
 
 gym.register_envs(youbot_env)
 
-LOGS = Path(__file__).resolve().parent.parent / "logs"
+LOGS = Path(__file__).resolve().parent.parent / "ident" / "logs"
 PLATFORM = youbot()
 COLUMNS = channel_columns(PLATFORM)
 

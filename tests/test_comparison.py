@@ -192,10 +192,9 @@ def test_a_model_of_another_platform_is_refused(plain):
 @pytest.fixture
 def command(monkeypatch, tmp_path, capsys):
     """Call the script in this process, in an empty folder; gives status and what it printed."""
-    monkeypatch.syspath_prepend(str(SCRIPT.parent))
     monkeypatch.chdir(tmp_path)
-    import compare as script
-    import console
+    from youbot_cli import compare as script
+    from youbot_cli import console
 
     def call(*arguments):
         monkeypatch.setattr(sys, "argv", [str(SCRIPT), *map(str, arguments)])
@@ -276,8 +275,7 @@ def test_a_log_driven_by_voltage_is_compared_in_volts(command, tmp_path):
 
 
 def test_an_option_takes_several_values():
-    sys.path.insert(0, str(SCRIPT.parent))
-    from console import spread
+    from youbot_cli.console import spread
 
     several = ("--model",)
     assert spread(["log", "--model", "a", "b", "--seed", "3"], several) == [

@@ -15,19 +15,16 @@ from youbot_env.model_file import load_model
 
 gym.register_envs(youbot_env)
 
-SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
-
 
 @pytest.fixture
 def console(monkeypatch):
-    monkeypatch.syspath_prepend(SCRIPTS)
-    import console
+    from youbot_cli import console
 
     return console
 
 
 def test_effects_that_are_given(console):
-    from given_effects import parse_effects
+    from youbot_cli.given_effects import parse_effects
 
     given = ["floor_slope", "torque_gain.e_fl=0.1", "torque_gain.e_rr=-.2", "actuator_delay=1e-2"]
     assert parse_effects(given) == {
@@ -141,8 +138,7 @@ def test_console_command_line_hides_where_things_are(console, monkeypatch, tmp_p
 @pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
 def test_any_terminal_can_show_what_is_said(tmp_path, encoding):
     (tmp_path / "plain.py").write_text(
-        f"import sys; sys.path[:0] = [{str(SCRIPTS)!r}]\n"
-        "import console\n"
+        "from youbot_cli import console\n"
         "def command() -> None:\n"
         "    'Show.'\n"
         "    with console.progress('d\\u00e9j\\u00e0', 2, '\\u03bcs') as show:\n"

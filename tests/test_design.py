@@ -139,7 +139,7 @@ def test_a_torque_limit_binds():
 @pytest.mark.parametrize("target", ["m0", "I1"])
 def test_shipped_motions_need_at_most_six_tenths_of_the_interval_of_the_paper(target):
     """At 60 s and equal limits, with every one of motions I-IV at its best base frequency."""
-    motion = load_motion(ROOT / "models" / "motions" / f"{target}.yaml")
+    motion = load_motion(ROOT / "youbot_env" / "motions" / f"{target}.yaml")
     limits, noise = Limits(), NoiseModel.of(NOMINAL)
     time = np.arange(2000) * motion.period / 2000
     columns, use = limits.evaluate(motion.sample(time), NOMINAL)

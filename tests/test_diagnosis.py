@@ -18,7 +18,7 @@ from ident.contradiction import wheels_agree
 from ident.diagnosis.dependence import dependences
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.experiment import distance, separating
-from ident.diagnosis.menu import FOLDER, menu
+from ident.diagnosis.menu import menu
 from ident.diagnosis.orders import strongest_orders
 from ident.diagnosis.parts import FIT, SELECT, VERIFY, divide
 from ident.diagnosis.rivals import refit
@@ -250,7 +250,7 @@ def test_order_of_a_torque_ripple_is_read_off_the_record():
 def test_motions_of_the_menu_are_the_shipped_files():
     for name, motion in menu().items():
         if isinstance(motion, Fourier):
-            assert load_motion(ROOT / FOLDER / f"{name}.yaml").amplitudes == pytest.approx(
+            assert load_motion(name).amplitudes == pytest.approx(
                 np.array(motion.amplitudes), abs=1e-6
             )
 

@@ -296,7 +296,7 @@ def test_equations_of_a_log_take_ripple_and_friction_of_the_rollers_together():
     model = load_model("paper").with_effects(
         {"roller_ripple": 0.7, "roller_coulomb_friction": 0.01}
     )
-    log = Log.load("logs/youbot_test.csv").part(0.0, 10.0)
+    log = Log.load("youbot_test").part(0.0, 10.0)
     regression = build_regression(log, model)
     assert np.isfinite(regression.H).all()
     column = regression.H[..., regression.names.index("roller_coulomb_friction.tc")]

@@ -4,7 +4,6 @@ import gc
 import math
 import types
 from dataclasses import replace
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -32,7 +31,6 @@ from youbot_env.model_file import load_model
 from youbot_env.references import Reference
 from youbot_env.simulation import AnalyticPlant, Sensors
 
-SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
 HIDDEN = {"wheel_coulomb_friction": 0.2, "yaw_scrub_friction": 2.0}
 SHORT = Motion("eight", 2.0, length=1.5)
 
@@ -111,8 +109,8 @@ def test_a_controller_that_drives_a_robot_cannot_reach_what_is_true_of_it(name, 
         assert_no_truth(make(name, subject.model(ORACLE)), subject.truth)
 
 
-def test_a_log_and_what_is_identified_from_it_hold_nothing_of_the_truth(scripts, subject):
-    import evaluate_robots
+def test_a_log_and_what_is_identified_from_it_hold_nothing_of_the_truth(subject):
+    from youbot_cli import evaluate_robots
 
     log = evaluate_robots.record(subject, 12.0)
     assert_no_truth(log, subject.truth)

@@ -20,11 +20,10 @@ SHORT = Motion("eight", 2.0, length=1.5)
 
 
 @pytest.fixture
-def command(scripts, monkeypatch, tmp_path, capsys):
+def command(monkeypatch, tmp_path, capsys):
     """Call the script in this process, in an empty folder; gives status and what it printed."""
     monkeypatch.chdir(tmp_path)
-    import console
-    import evaluate
+    from youbot_cli import console, evaluate
 
     def call(*arguments):
         monkeypatch.setattr(sys, "argv", [str(SCRIPTS / "evaluate.py"), *map(str, arguments)])
@@ -36,8 +35,7 @@ def command(scripts, monkeypatch, tmp_path, capsys):
 
 
 def test_the_command_compares_and_writes_page_and_json(command, monkeypatch):
-    import evaluate
-    import evaluate_figures
+    from youbot_cli import evaluate, evaluate_figures
 
     monkeypatch.setattr(evaluate, "LOG_SECONDS", 12.0)
     monkeypatch.setattr(evaluate_figures, "FILMED", replace(SHORT, length=0.4))

@@ -6,7 +6,7 @@ from shared_data import shared
 from spoiled_logs import M, P, R, V, apply, both, everywhere, good_frame, put, simulate
 from test_doctor import difference, load, warnings
 
-from ident.log import Log
+from ident.log import Log, find_log
 
 COUNT = 4000
 
@@ -167,11 +167,11 @@ def test_parts_of_the_bundled_log_keep_their_reference(start):
     from ident.doctor.table import Table
     from youbot_env.platform import youbot
 
-    path = "logs/youbot_fit.csv"
+    path = find_log("youbot_fit")
     frame = pl.read_csv(path, comment_prefix="#", infer_schema_length=None)
     part = frame[start : start + 2800]
     columns = {name: part[name].to_numpy().copy() for name in part.columns}
-    record = examine(Table(columns, np.arange(len(part))), path, youbot())
+    record = examine(Table(columns, np.arange(len(part))), path.name, youbot())
     assert {"reference", "pose"} <= set(record.channels)
     assert not [f for f in record.findings if "hardly any" not in f.what and "spikes" not in f.what]
 

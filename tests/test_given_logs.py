@@ -1,5 +1,6 @@
 """Options and logs that a user gives a command: the same for all, and many at once."""
 
+import importlib
 import inspect
 import json
 import sys
@@ -16,16 +17,14 @@ from ident.remembered import remember
 from youbot_env.model_file import load_model
 from youbot_env.platform import mecanum, youbot
 
-SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
 READERS = ("identify", "diagnose", "improve", "compare", "calibrate_kinematics", "convert")
 OPTIONS = {"mapping", "kt", "gear", "platform", "lever", "recording", "accept"}
 
 
 @pytest.fixture
 def given(monkeypatch, tmp_path):
-    monkeypatch.syspath_prepend(SCRIPTS)
     monkeypatch.chdir(tmp_path)
-    import given_logs
+    from youbot_cli import given_logs
 
     return given_logs
 
@@ -35,9 +34,9 @@ def run(given, monkeypatch, capsys):
     """Call a script by name; gives status, what it printed, and its errors."""
 
     def call(name, *words):
-        import console
+        from youbot_cli import console
 
-        module = __import__(name)
+        module = importlib.import_module(f"youbot_cli.{name}")
         monkeypatch.setattr(sys, "argv", [f"{name}.py", *map(str, words)])
         with pytest.raises(SystemExit) as end:
             console.run(module.main, "", given.SEVERAL)
@@ -47,15 +46,18 @@ def run(given, monkeypatch, capsys):
     return call
 
 
+def parameters(name):
+    return inspect.signature(importlib.import_module(f"youbot_cli.{name}").main).parameters
+
+
 @pytest.mark.parametrize("name", READERS)
 def test_every_command_has_the_same_options(given, name):
-    assert set(inspect.signature(__import__(name).main).parameters) >= OPTIONS
+    assert set(parameters(name)) >= OPTIONS
 
 
 @pytest.mark.parametrize("name", READERS[:-1])
 def test_every_command_that_judges_takes_logs_to_judge_by(given, name):
-    parameters = inspect.signature(__import__(name).main).parameters
-    assert {"logs", "test"} <= set(parameters)
+    assert {"logs", "test"} <= set(parameters(name))
 
 
 def test_patterns_folders_and_files(given, tmp_path):
@@ -210,7 +212,7 @@ def test_logs_of_two_robots_are_refused(given, tmp_path):
 def test_models_of_the_youbots_table_follow_the_logs(given, tmp_path):
     log = Log.load(make(300).save(tmp_path / "log.csv"), "R=0.05 l=0.1 h=0.1")
     own = replace(load_model("nominal"), platform=mecanum("own", 0.2, 0.1, 0.05, 0.01, 1.0))
-    shipped = [load_model("nominal"), load_model(SCRIPTS.parent / "models" / "identified.yaml")]
+    shipped = [load_model("nominal"), load_model("identified")]
     models = given.LogOptions().used_models([*shipped, own], [log])
     assert [m.platform.name for m in models] == ["mecanum", "mecanum", "own"]
     models = given.LogOptions(platform="given").used_models([own], [log])

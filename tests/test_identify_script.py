@@ -40,10 +40,8 @@ def logs(tmp_path_factory):
 @pytest.fixture
 def command(monkeypatch, tmp_path, capsys):
     """Call the script in this process, in an empty folder; gives status and what it printed."""
-    monkeypatch.syspath_prepend(str(SCRIPT.parent))
     monkeypatch.chdir(tmp_path)
-    import console
-    import identify
+    from youbot_cli import console, identify
 
     def call(*arguments):
         monkeypatch.setattr(sys, "argv", [str(SCRIPT), *map(str, arguments)])

@@ -92,5 +92,5 @@ def test_a_log_that_is_too_short_is_refused_with_what_to_record(logs, tmp_path):
     refused = improve(str(short), "--out", str(tmp_path / "none.yaml"))
     assert refused.returncode == 1
     assert "20 s" in refused.stdout
-    assert "record.py" in refused.stderr
+    assert "youbot record" in refused.stderr
     assert not (tmp_path / "none.yaml").exists()

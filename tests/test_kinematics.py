@@ -348,7 +348,7 @@ def test_command_prints_and_writes(tmp_path):
 
 
 def test_bundled_log_of_rollers_has_the_radii_of_the_drawing():
-    found = calibrate_kinematics(Log.load(ROOT / "logs" / "youbot_fit.csv"))
+    found = calibrate_kinematics(Log.load(ROOT / "ident" / "logs" / "youbot_fit.csv"))
     # Driven rollers creep: over ten logs of this robot the radius comes out 0.08 % small, and the
     # interval is 0.06 % to either side.
     for name, true, creep in (("wheel_radius", 0.0475, 1e-3), ("lever", 0.3855, 0.0)):

@@ -15,7 +15,7 @@ from controllers.evaluation.subjects import draw_subjects
 from ident.workers import TRIES, spread
 from youbot_env.model_file import load_model
 
-SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
+ROOT = Path(__file__).resolve().parent.parent
 
 
 def square(number):
@@ -65,9 +65,9 @@ def test_an_error_in_a_piece_is_not_taken_for_a_killed_process():
 
 
 @pytest.fixture
-def crew(scripts, tmp_path):
-    import crew
-    from pieces import Pieces
+def crew(tmp_path):
+    from youbot_cli import crew
+    from youbot_cli.pieces import Pieces
 
     def make(workers=1, **settings):
         return crew.Crew(workers, Pieces(tmp_path / "pieces", settings))
@@ -76,7 +76,7 @@ def crew(scripts, tmp_path):
 
 
 def work(call, count=4, *more):
-    from crew import Piece
+    from youbot_cli.crew import Piece
 
     return [Piece(f"number {k}", call, (k, *more)) for k in range(count)]
 
@@ -90,7 +90,7 @@ def test_finished_pieces_are_not_done_again_unless_something_differs(crew, tmp_p
             raise KeyboardInterrupt
         return {"value": 0.1 + number}
 
-    import console
+    from youbot_cli import console
 
     with pytest.raises(console.Stopped, match="the same command goes on"), crew(seed=1).pieces:
         crew(seed=1).run("counting", work(counted))
@@ -118,8 +118,8 @@ def test_results_are_the_same_kept_or_fresh(crew):
     assert fresh == kept == [[0, float("inf")], [1, float("inf")]]
 
 
-def test_other_inputs_are_other_pieces(scripts, tmp_path):
-    from pieces import digest
+def test_other_inputs_are_other_pieces(tmp_path):
+    from youbot_cli.pieces import digest
 
     (tmp_path / "a.py").write_text("x = 1")
     (tmp_path / "b.py").write_text("x = 2")
@@ -139,14 +139,14 @@ def slow(number, mark):
     return number / 3
 
 def command():
-    from crew import Crew, Piece
-    from pieces import Pieces
+    from youbot_cli.crew import Crew, Piece
+    from youbot_cli.pieces import Pieces
     with Pieces(Path("out.pieces"), {"seed": 0}) as pieces:
         work = [Piece(f"number {k}", slow, (k, "killed")) for k in range(8)]
         print(Crew(2, pieces).run("waiting", work))
 
 if __name__ == "__main__":
-    import console
+    from youbot_cli import console
     console.run(command, "")
 """
 
@@ -154,7 +154,7 @@ if __name__ == "__main__":
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 def test_a_run_with_a_killed_process_and_ctrl_c_goes_on_and_ends_the_same(tmp_path):
     (tmp_path / "slow.py").write_text(SLOW)
-    paths = [str(SCRIPTS), str(SCRIPTS.parent), os.environ.get("PYTHONPATH", "")]
+    paths = [str(ROOT), os.environ.get("PYTHONPATH", "")]
 
     def start():
         return subprocess.Popen(
@@ -189,8 +189,8 @@ def known(subject, seconds):
     )
 
 
-def test_models_of_a_robot_are_kept_to_the_last_bit(scripts):
-    from evaluate_robots import pack, unpack
+def test_models_of_a_robot_are_kept_to_the_last_bit():
+    from youbot_cli.evaluate_robots import pack, unpack
 
     effects = {"wheel_coulomb_friction": 0.2, "actuator_delay": 0.0151, "actuator_lag": 0.0203}
     (robot,) = draw_subjects("analytic", 1, load_model("paper"), effects, 0)
@@ -202,11 +202,8 @@ def test_models_of_a_robot_are_kept_to_the_last_bit(scripts):
         assert after.beliefs[name].values() == model.values()
 
 
-def test_a_comparison_that_was_stopped_goes_on_and_ends_the_same(
-    scripts, tmp_path, monkeypatch, capsys
-):
-    import console
-    import evaluate
+def test_a_comparison_that_was_stopped_goes_on_and_ends_the_same(tmp_path, monkeypatch, capsys):
+    from youbot_cli import console, evaluate
 
     options = [
         "--controller", "kinematic", "ppo", "--plant", "analytic", "--reference", "eight",

@@ -10,8 +10,8 @@ LOG = ("--seconds", "3", "--motion", "circle", "--out", "a.csv")
 
 
 @pytest.fixture
-def origins(scripts):
-    import origins
+def origins():
+    from youbot_cli import origins
 
     return origins
 
@@ -138,8 +138,8 @@ def test_a_page_says_what_wrote_it(origins, tmp_path):
     assert origins.origin(tmp_path / "index.html").command == command
 
 
-def test_results_say_what_wrote_them(origins, scripts, tmp_path):
-    import console
+def test_results_say_what_wrote_them(origins, tmp_path):
+    from youbot_cli import console
 
     path = tmp_path / "r.json"
     console.write_json(path, {"provenance": console.provenance(0)})

@@ -34,7 +34,6 @@ from controllers.training.worlds import make_world
 gym.register_envs(youbot_env)
 
 ROOT = Path(__file__).parents[1]
-SCRIPTS = ROOT / "scripts"
 PAPER, NOMINAL = load_model("paper"), load_model("nominal")
 
 
@@ -213,7 +212,7 @@ def test_a_policy_file_nested_without_end_is_no_policy(tmp_path):
 
 
 def test_a_policy_is_refused_where_it_was_not_trained_for():
-    with pytest.raises(PolicyFileError, match=r"no policy 'nobody'.*train\.py"):
+    with pytest.raises(PolicyFileError, match=r"no policy 'nobody'.*youbot train"):
         make("ppo", PAPER, policy="nobody")
     with pytest.raises(PolicyFileError, match=r"trained by 'ppo'; use make\('ppo'"):
         make("sac", PAPER, policy=policy())
@@ -241,7 +240,7 @@ def test_running_a_policy_needs_no_torch(tmp_path):
 @pytest.mark.parametrize("name", shipped_policies())
 def test_shipped_policies_beat_the_kinematic_controller(name):
     shipped = Policy.load(name)
-    model = load_model(ROOT / "models" / f"{shipped.training['model']}.yaml")
+    model = load_model(shipped.training["model"])
     robots = make_world(shipped.training["world"], model)
     trial = Trial(robots=6, seconds=3.0)
     ours = drive(make(shipped.algorithm, model, policy=name), trial, *robots)
@@ -252,6 +251,6 @@ def test_shipped_policies_beat_the_kinematic_controller(name):
     assert shipped.training["wall_seconds"] < 20 * 60
     assert "scripts/train.py" in shipped.training["provenance"]["command"]
     size = sum(
-        (ROOT / "models" / "policies" / f"{name}{e}").stat().st_size for e in (".json", ".npz")
+        (ROOT / "controllers" / "policies" / f"{name}{e}").stat().st_size for e in (".json", ".npz")
     )
     assert size < 200_000

@@ -24,7 +24,7 @@ from youbot_env.simulation import AnalyticPlant, Sensors
 gym.register_envs(youbot_env)
 
 SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
-LOGS = SCRIPTS.parent / "logs"
+LOGS = SCRIPTS.parent / "ident" / "logs"
 PLATFORM = youbot()
 COLUMNS = channel_columns(PLATFORM)
 LOGGED = ("wheel_velocity", "wheel_torque", "pose", "reference")

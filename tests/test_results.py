@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from ident import Log, calibrate_kinematics, compare, design_motion, diagnose, identify, improve
 from youbot_env.model_file import load_model
 
-FIT, TEST = "logs/youbot_fit.csv", "logs/youbot_test.csv"
+FIT, TEST = "youbot_fit", "youbot_test"
 
 
 @pytest.fixture(scope="module")

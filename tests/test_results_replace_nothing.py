@@ -20,8 +20,8 @@ def run(folder, script, *words):
 
 @pytest.fixture
 def folder(tmp_path):
-    shutil.copy(ROOT / "logs" / "youbot_fit.csv", tmp_path / "own.csv")
-    shutil.copy(ROOT / "models" / "identified.yaml", tmp_path / "m.yaml")
+    shutil.copy(ROOT / "ident" / "logs" / "youbot_fit.csv", tmp_path / "own.csv")
+    shutil.copy(ROOT / "youbot_env" / "models" / "identified.yaml", tmp_path / "m.yaml")
     os.symlink("own.csv", tmp_path / "link.csv")
     (tmp_path / "index.html").write_text("time,x\n")
     return tmp_path
@@ -60,8 +60,7 @@ def test_a_device_is_refused(folder):
 
 def test_a_fault_of_the_program_has_its_own_status(folder):
     (folder / "faulty.py").write_text(
-        f"import sys; sys.path[:0] = [{str(ROOT / 'scripts')!r}]\n"
-        "import console\n"
+        "from youbot_cli import console\n"
         "def command(word: str = 'a') -> None:\n"
         "    'Fail.'\n"
         "    raise KeyError(word)\n"

@@ -25,11 +25,11 @@ def test_the_page_is_that_of_the_schema():
 
 
 def test_shipped_files_hold_only_what_the_schema_lists():
-    for path in (ROOT / "models").glob("*.yaml"):
+    for path in (ROOT / "youbot_env" / "models").glob("*.yaml"):
         assert set(yaml.safe_load(path.read_text())) <= set(schema.MODEL.names)
-    for path in (ROOT / "models" / "motions").glob("*.yaml"):
+    for path in (ROOT / "youbot_env" / "motions").glob("*.yaml"):
         assert set(yaml.safe_load(path.read_text())) <= set(schema.MOTION.names)
-    for path in (ROOT / "models" / "policies").glob("*.json"):
+    for path in (ROOT / "controllers" / "policies").glob("*.json"):
         data = json.loads(path.read_text())
         for section, entries in zip(SECTIONS[-4:], (data, *map(
             data.get, ("network", "task", "normalisation")

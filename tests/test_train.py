@@ -28,7 +28,6 @@ from controllers.training.worlds import WIDE, make_world
 gym.register_envs(youbot_env)
 
 ROOT = Path(__file__).parents[1]
-SCRIPTS = ROOT / "scripts"
 PAPER, NOMINAL = load_model("paper"), load_model("nominal")
 
 

@@ -1,4 +1,4 @@
-"""Logs as ``record.py`` writes them, read back."""
+"""Logs as ``youbot record`` writes them, read back."""
 
 from pathlib import Path
 

@@ -4,7 +4,14 @@ Importing this package registers ``YouBot-v0`` (equations of the paper, native v
 and ``YouBotRollers-v0`` (MuJoCo, real rollers).
 """
 
+from importlib.metadata import PackageNotFoundError, version
+
 from gymnasium.envs.registration import register
+
+try:
+    __version__ = version("youbot-workbench")
+except PackageNotFoundError:  # a clone on the path that was never installed
+    __version__ = "0+unknown"
 
 register(
     id="YouBot-v0",

@@ -16,9 +16,10 @@ from youbot_env.arguments import check_kind
 from youbot_env.model import Model
 from youbot_env.parameters import UNITS, ImpossibleParameters, Parameters
 from youbot_env.platform import PLATFORMS, Platform, Wheel
+from youbot_env.shipped import Shipped
 from youbot_env.strict_yaml import read_yaml
 
-SHIPPED = Path(__file__).parent.parent / "models"
+MODELS = Shipped(Path(__file__).parent / "models", ".yaml", ("models",))
 DEGREES = ("roller_angle", "heading")
 # Of correlations; those of models/identified.yaml are symmetric to 2e-16.
 ROUNDING = 1e-9
@@ -32,8 +33,9 @@ def load_model(source: str | os.PathLike | Model) -> Model:
     """Read a model.
 
     Args:
-        source: path of a YAML file, the name of a shipped model (``nominal``, ``paper``), or a
-            model, which is returned as it is.
+        source: path of a YAML file; the name of a model in the folder ``models`` of the working
+            directory or of a shipped one (``nominal``, ``paper``, ``identified``); or a model,
+            which is returned as it is.
 
     Raises:
         TypeError: none of these.
@@ -57,17 +59,14 @@ def load_model(source: str | os.PathLike | Model) -> Model:
 
 
 def find_model(source: str | os.PathLike) -> Path:
-    """Return the path of a model file given by path or by the name of a shipped model."""
-    path = Path(source)
-    if path.is_file():
-        return path
-    candidate = SHIPPED / f"{path.stem}.yaml"
-    if str(path.parent) in (".", "models") and candidate.is_file():
-        return candidate
-    raise ModelFileError(
-        f"no model file {str(source)!r}; give the path of a YAML file or one of the shipped models "
-        f"{sorted(p.stem for p in SHIPPED.glob('*.yaml'))}"
-    )
+    """Return the path of a model file given by path or by name, see ``youbot_env.shipped``."""
+    path = MODELS.find(source)
+    if path is None:
+        raise ModelFileError(
+            f"no model file {str(source)!r}; give the path of a YAML file or one of the shipped "
+            f"models {MODELS.names()}"
+        )
+    return path
 
 
 def model_from_dict(data: object, default_name: str = "model") -> Model:

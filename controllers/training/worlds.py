@@ -24,7 +24,7 @@ WIDE = {
 }
 WORLDS = ("nominal", "wide", "posterior")
 # What each world starts from unless told otherwise.
-MODELS = {"nominal": "nominal", "wide": "nominal", "posterior": "models/identified.yaml"}
+MODELS = {"nominal": "nominal", "wide": "nominal", "posterior": "identified"}
 
 
 def make_world(world: str, model: Model) -> tuple[Model, Randomization | None]:
@@ -46,7 +46,7 @@ def make_world(world: str, model: Model) -> tuple[Model, Randomization | None]:
         if model.covariance is None:
             raise ValueError(
                 f"model {model.name!r} has no covariance, so there is no posterior to draw from; "
-                "give an identified one: python scripts/identify.py LOG --out MODEL"
+                "give an identified one: youbot identify LOG --out MODEL"
             )
         return model, Posterior()
     have = {active.identifier for active in model.effects}

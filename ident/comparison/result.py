@@ -106,7 +106,7 @@ class Comparison(Shown):
         return Comparisons([self]).plot()
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what ``compare.py --json`` writes for one model."""
+        """Return what ``youbot compare --json`` writes for one model."""
         return {
             "model": self.model.name,
             "free_run": _named(VELOCITIES, self.run.rmse) | {"nrmse": self.run.nrmse},

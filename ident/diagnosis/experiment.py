@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ident.diagnosis.menu import FOLDER, SECONDS, menu
+from ident.diagnosis.menu import SECONDS, menu
 from ident.free_values import free_directions
 from ident.log import Log
 from ident.scaled_fit import output_weights, settled
@@ -50,8 +50,7 @@ class Experiment:
     @property
     def command(self) -> str:
         """What records the motion with a simulated robot."""
-        motion = self.motion if self.motion == "calibration" else f"{FOLDER}/{self.motion}.yaml"
-        return f"python scripts/record.py --motion {motion} --seconds {60 * self.minutes:g}"
+        return f"youbot record --motion {self.motion} --seconds {60 * self.minutes:g}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows."""

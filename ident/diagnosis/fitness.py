@@ -23,14 +23,14 @@ def unfit(logs: list[Log]) -> str:
         lasts = "lasts" if len(logs) == 1 and not logs[0].runs else "together last"
         return (
             f"{names} {lasts} {seconds:.3g} s; record at least {LEAST_SECONDS:g} s, better "
-            "112 s of `record.py --motion calibration`"
+            "112 s of `youbot record --motion calibration`"
         )
     level = np.concatenate([log.velocity() * (1.0, 1.0, log.platform.lever) for log in logs])
     speed = float(np.sqrt(np.mean(level**2) * 3))
     if speed < LEAST_SPEED:
         return (
             f"{names} hardly moves ({speed:.3g} m/s rms); drive it along "
-            "`record.py --motion calibration`"
+            "`youbot record --motion calibration`"
         )
     return next(filter(None, map(_clipped, logs)), "")
 

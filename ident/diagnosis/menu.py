@@ -1,19 +1,17 @@
 """Motions that tell effects apart, each made to show one kind of behaviour.
 
-``python -m ident.diagnosis.menu`` writes them to models/motions, where ``record.py --motion`` and
-the environments find them.
+``python -m ident.diagnosis.menu`` writes them to youbot_env/motions, where ``youbot record
+--motion`` and the environments find them.
 """
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
-from youbot_env.references import Fourier, Reference, calibration_sequence, save_motion
+from youbot_env.references import MOTIONS, Fourier, Reference, calibration_sequence, save_motion
 
 # Length of an experiment, s.
 SECONDS = 60.0
-FOLDER = "models/motions"
 
 
 def menu() -> dict[str, Reference]:
@@ -62,4 +60,4 @@ def _sines(frequency: float, purpose: str, *axes: tuple[tuple[int, float, float]
 if __name__ == "__main__":
     for name, motion in menu().items():
         if isinstance(motion, Fourier):
-            save_motion(motion, Path(FOLDER) / f"{name}.yaml")
+            save_motion(motion, MOTIONS.folder / f"{name}.yaml")

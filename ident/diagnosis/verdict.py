@@ -379,7 +379,7 @@ def _judge(
             "these logs hold no acceleration, and viscous friction leaves "
             f"{100 * errors.before:.2g} % of the drive's force, in which no effect shows: whatever "
             "resists at the speeds driven looks like it; record several speeds and directions, "
-            "better `record.py --motion calibration`"
+            "better `youbot record --motion calibration`"
         )
     if outside:
         return "outside_library", (

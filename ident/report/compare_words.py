@@ -70,7 +70,7 @@ def note(log: Log) -> str:
     return (
         f"{log.name} is driven by voltage. A model in N m (data sheet, paper) is then wrong by the "
         "torque per volt and lacks the back-EMF; compare models identified from logs of this "
-        "drive (python scripts/identify.py LOG --out MODEL.yaml)."
+        "drive (youbot identify LOG --out MODEL.yaml)."
     )
 
 

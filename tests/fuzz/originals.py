@@ -238,14 +238,14 @@ def _packed(kind: str, folder: Path, name: str) -> Original:
 
 
 def _descriptions() -> list[Original]:
-    model = (ROOT / "models" / "identified.yaml").read_bytes()
+    model = (ROOT / "youbot_env" / "models" / "identified.yaml").read_bytes()
     # JSON is YAML.
     with_effects = json.dumps(
-        model_to_dict(load_model(ROOT / "models" / "paper.yaml"))
+        model_to_dict(load_model(ROOT / "youbot_env" / "models" / "paper.yaml"))
         | {"effects": ["floor_slope", {"identifier": "actuator_delay", "parameters": {"d": 0.01}}]}
     ).encode()
     text = {**BYTES, **YAML}
-    motion = (ROOT / "models" / "motions" / "m0.yaml").read_bytes()
+    motion = (ROOT / "youbot_env" / "motions" / "m0.yaml").read_bytes()
 
     def platform(path: Path) -> tuple[Any, set[str]]:
         return repr(read_platform(str(path))), set()
@@ -263,7 +263,7 @@ def _descriptions() -> list[Original]:
 
 
 def _policies() -> list[Original]:
-    place = ROOT / "models" / "policies"
+    place = ROOT / "controllers" / "policies"
     files = {f"ppo.{end}": (place / f"ppo.{end}").read_bytes() for end in ("json", "npz")}
     words, arrays = {**BYTES, **JSON}, {**BYTES, **NPZ}
     both = {"ppo.json": words, "ppo.npz": arrays}

@@ -99,7 +99,7 @@ class Posterior(Randomization):
         """See the base class; the model's covariance is over ``Model.names()``."""
         if model.covariance is None:
             raise ValueError(
-                f"model {model.name!r} has no covariance; identify it (scripts/identify.py) first"
+                f"model {model.name!r} has no covariance; identify it (youbot identify) first"
             )
         covariance = np.array(model.covariance, float) * self.widen**2
         values = np.array(model.values())

@@ -15,7 +15,13 @@ from youbot_env.references.calibration import (
     Sequence,
     calibration_sequence,
 )
-from youbot_env.references.designed import Fourier, MotionFileError, load_motion, save_motion
+from youbot_env.references.designed import (
+    MOTIONS,
+    Fourier,
+    MotionFileError,
+    load_motion,
+    save_motion,
+)
 from youbot_env.references.eased import Eased
 from youbot_env.references.harmonic import Circle, Eight, Harmonic, Multisine, SmoothRandom
 from youbot_env.references.step import Step
@@ -68,8 +74,8 @@ def make_reference(reference: str | os.PathLike | Reference, **options) -> Refer
     """Return a reference given by name or motion file, or the object itself.
 
     Args:
-        reference: a name of ``REFERENCES``, the path of a motion file (``.yaml``), or a
-            ``Reference``.
+        reference: a name of ``REFERENCES``, the name of a shipped motion or the path of a motion
+            file, see ``load_motion``, or a ``Reference``.
         **options: arguments of the named reference (speed, frequency, ...).
 
     Raises:
@@ -82,7 +88,8 @@ def make_reference(reference: str | os.PathLike | Reference, **options) -> Refer
         return reference
     kinds = (str, os.PathLike)
     check_kind("reference", reference, kinds, "a name, the path of a motion file or a Reference")
-    if Path(reference).suffix in (".yaml", ".yml"):
+    is_file = Path(reference).suffix in (".yaml", ".yml")
+    if is_file or (reference not in REFERENCES and MOTIONS.find(reference)):
         if options:
             raise ValueError(
                 f"motion file {os.fspath(reference)!r} states its own motion; leave out "
@@ -91,7 +98,7 @@ def make_reference(reference: str | os.PathLike | Reference, **options) -> Refer
         return load_motion(reference)
     if reference not in REFERENCES:
         raise ValueError(
-            f"unknown reference {reference!r}; known: {sorted(REFERENCES)}, or a motion file "
-            "ending in .yaml"
+            f"unknown reference {reference!r}; known: {sorted(REFERENCES)}, the shipped motions "
+            f"{MOTIONS.names()}, or a motion file ending in .yaml"
         )
     return REFERENCES[reference](**options)

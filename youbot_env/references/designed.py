@@ -14,10 +14,13 @@ import yaml
 from youbot_env.model_file import write_atomically
 from youbot_env.references.harmonic import Harmonic
 from youbot_env.schema import MOST_SINES, MOTION, SINE
+from youbot_env.shipped import Shipped
 from youbot_env.strict_yaml import read_yaml
 
 AXES = ("x", "y", "yaw")
 KIND = "fourier"
+# Commands of older results name them in models/motions.
+MOTIONS = Shipped(Path(__file__).parents[1] / "motions", ".yaml", ("motions", "models/motions"))
 
 
 class MotionFileError(ValueError):
@@ -86,19 +89,24 @@ def fourier_values(amplitudes: np.ndarray, phases: np.ndarray, frequency: float)
     return values
 
 
-def load_motion(path: str | os.PathLike) -> Fourier:
+def load_motion(source: str | os.PathLike) -> Fourier:
     """Read a motion file.
+
+    Args:
+        source: its path, or the name of one in the folder ``motions`` of the working directory or
+            of a shipped one (``chirp``, ``m0``, ...).
 
     Raises:
         MotionFileError: unreadable, malformed, or with missing or unknown entries.
     """
-    path = Path(path)
+    path = MOTIONS.find(source)
+    if path is None:
+        raise MotionFileError(
+            f"no motion file {str(source)!r}; give one of the shipped motions {MOTIONS.names()} or "
+            "the path of a file (youbot design --out writes one)"
+        )
     try:
         return _from_dict(read_yaml(path))
-    except FileNotFoundError:
-        raise MotionFileError(
-            f"no motion file {str(path)!r}; scripts/design.py --out writes one"
-        ) from None
     except (yaml.YAMLError, UnicodeDecodeError, TypeError, ValueError) as error:
         raise MotionFileError(f"{path}: {error}") from error
 

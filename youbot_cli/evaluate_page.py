@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import base64
 
-from evaluate_figures import film, frequency_figure, references_figure, tornado_figure
-from evaluate_tables import (
+from controllers.evaluation.claims import KINEMATIC, PAPER_LIMIT, Claim
+from controllers.evaluation.results import Results
+from controllers.evaluation.subjects import INFORMED, MODELS, NOMINAL, Subject
+from controllers.evaluation.tornado import Cost
+from ident.report.page import Grid, Live, Notes, Page, Picture, Section
+from youbot_cli.evaluate_figures import film, frequency_figure, references_figure, tornado_figure
+from youbot_cli.evaluate_tables import (
     claim_rows,
     errors_by_frequency,
     first_reference,
@@ -13,12 +18,6 @@ from evaluate_tables import (
     in_order,
     named,
 )
-
-from controllers.evaluation.claims import KINEMATIC, PAPER_LIMIT, Claim
-from controllers.evaluation.results import Results
-from controllers.evaluation.subjects import INFORMED, MODELS, NOMINAL, Subject
-from controllers.evaluation.tornado import Cost
-from ident.report.page import Grid, Live, Notes, Page, Picture, Section
 
 GAP_OF = "computed_torque"
 RIVALS = ((KINEMATIC, NOMINAL), ("computed_torque", INFORMED))

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import console
-import given_effects
-from pieces import Pieces
-
 from ident.workers import spread
+from youbot_cli import console, given_effects
+from youbot_cli.pieces import Pieces
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from train_page import EXAM_NOTE, curves, millimetres
 
 from controllers.rl_policy import Policy
 from controllers.training.exam import Mark
 from controllers.training.transfer import Transfer
 from ident.report.look import INK, MEASURED, figure
 from ident.report.page import Grid, Page, Picture, Section
+from youbot_cli.train_page import EXAM_NOTE, curves, millimetres
 
 CAPTION = (
     "Left: rms position error of the policies while they learn, settled, multisine at 1 rad/s, on "
@@ -113,7 +113,7 @@ def training_grid(policies: dict[str, Policy]) -> Grid:
                 f"{last.get('cpu_seconds', 0) / 60:.1f}",
             )
         )  # fmt: skip
-    head = ("policy", "options of scripts/train.py", "wall, min", "processor, min")
+    head = ("policy", "options of youbot train", "wall, min", "processor, min")
     return Grid(head, rows, "Weights, normalisation and curve are in the policy files.", (0, 1))
 
 

@@ -1,4 +1,4 @@
-"""Effects that a user gives a script: names with sizes, or a file with effects of one's own."""
+"""Effects that a user gives a command: names with sizes, or a file with effects of one's own."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
-import console
 import typer
 
+from youbot_cli import console
 from youbot_env.effects import get_effect
 from youbot_env.effects_file import load_effects_file
 

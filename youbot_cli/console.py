@@ -1,4 +1,4 @@
-"""What all scripts share: exit statuses, clear errors, tables, progress, JSON and provenance.
+"""What all commands share: exit statuses, clear errors, tables, progress, JSON and provenance.
 
 Exit status 0: done.  1: a check failed.  2: bad input, told in one message on stderr.  3: a fault
 of the program, with its traceback.  130: stopped by Ctrl-C, which says how to go on.  With
@@ -26,18 +26,20 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 import typer.core
-from origins import check_replaceable
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from youbot_env.model_file import write_atomically
+from youbot_cli.origins import check_replaceable
+from youbot_env import __version__
+from youbot_env.model_file import MODELS, write_atomically
 
 ROOT = Path(__file__).resolve().parent.parent
 FAULT, STOPPED = 3, 130
 GAP = 2  # characters between columns
 INDENT = {"initial_indent": "  - ", "subsequent_indent": "    "}
 # Options that name a file to write; what other words of a command line name is read.
+NAMING = ("", "--model", "--robot", "--test")  # what stands behind them may be a name of a file
 RESULTS = ("--out", "--json", "--truth", "--onnx", "--results", "--report")
 VERSIONED = ("numpy", "scipy", "casadi", "gymnasium", "mujoco", "torch", "stable_baselines3")
 # What bad input raises; ModelFileError, LogError and ImpossibleParameters are ValueErrors.
@@ -118,12 +120,12 @@ def run(command: Callable[..., None], example: str, several: tuple[str, ...] = (
             return super().parse_args(ctx, spread(args, several))
 
     # The backspace keeps the lines of the example as they are.
-    app.command(cls=Command, epilog=f"\b\nExample:\n  {_script()} {example}")(guarded)
+    app.command(cls=Command, epilog=f"\b\nExample:\n  {called()} {example}")(guarded)
     for word in sys.argv[1:]:
         if not is_text(word):
             err.print(f"error: {not_text(word)}", style="red", soft_wrap=True)
             sys.exit(2)
-    app()
+    app(prog_name=called())
 
 
 def is_text(name: str) -> bool:
@@ -195,10 +197,25 @@ def check_writable(*paths: Path | None) -> None:
 
 
 def _named(path: Path) -> int:
-    """How many words of the command line mean a file, through links and patterns."""
+    """How many words of the command line mean a file, through links, patterns and names."""
     words = [part for word in sys.argv[1:] for part in (word, word.partition("=")[2]) if part]
     files = [name for word in words for name in (glob.glob(word) or [word])]
+    files += _by_name()
     return sum(os.path.exists(name) and os.path.samefile(name, path) for name in files)
+
+
+def _by_name() -> list[Path]:
+    """Files that words of the command line mean as names of models and logs."""
+    from ident.log import BUNDLED  # takes a while, and is asked of results that exist
+
+    found = []
+    for before, word in zip(sys.argv, sys.argv[1:], strict=False):
+        option, _, name = word.partition("=")
+        if not word.startswith("-"):
+            option, name = before if before.startswith("-") else "", word
+        if option in NAMING:
+            found += [kind.find(name) for kind in (MODELS, BUNDLED)]
+    return [path for path in found if path is not None]
 
 
 def _named_as_result(path: Path) -> int:
@@ -232,7 +249,7 @@ def provenance(
     return {
         "command": command or command_line(),
         "seed": seed,
-        "versions": {"python": sys.version.split()[0]} | used,
+        "versions": {"python": sys.version.split()[0], "youbot-workbench": __version__} | used,
         "logs": logs or {},
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "git_commit": _git_commit(),
@@ -243,7 +260,13 @@ def command_line() -> str:
     """The command line of this run as one can type it again, absolute paths shortened."""
     words = [word for word in sys.argv[1:] if word != "--force"]  # says nothing of the result
     words = [f"{key}{eq}{shown(value)}" for key, eq, value in map(_split_option, words)]
-    return f"{_script()} {shlex.join(words)}"
+    return f"{called()} {shlex.join(words)}"
+
+
+def called() -> str:
+    """What this command is called as it was started: ``youbot NAME``, or its script."""
+    started = Path(sys.argv[0]).name
+    return f"python scripts/{started}" if started.endswith(".py") else started
 
 
 def shown(path: str | os.PathLike) -> str:
@@ -357,16 +380,15 @@ def in_words(history: dict) -> dict[str, str]:
     return {name: text for name, text in lines.items() if text and text != "None"}
 
 
-def _script() -> str:
-    return f"python scripts/{Path(sys.argv[0]).name}"
-
-
 def _split_option(word: str) -> tuple[str, str, str]:
     """``--key=value`` in three parts; anything else is all value."""
     return word.partition("=") if word.startswith("--") and "=" in word else ("", "", word)
 
 
 def _git_commit() -> str | None:
+    # An installed package may lie inside the repository of another project.
+    if not (ROOT / ".git").exists():
+        return None
     command = ["git", "-C", str(ROOT), "rev-parse", "HEAD"]
     try:
         answer = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)

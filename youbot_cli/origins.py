@@ -2,7 +2,7 @@
 
 The rule: a command replaces what the same command wrote before.  For what cannot be had again, logs
 and trained policies, it must have been the very same command line; for models, motions, results and
-pages the same script is enough.  A page takes over a folder that is empty or holds its own page.
+pages the same command is enough.  A page takes over a folder that is empty or holds its own page.
 """
 
 from __future__ import annotations
@@ -17,10 +17,14 @@ from pathlib import Path
 
 import yaml
 
+from youbot_cli import COMMANDS, split_command
 from youbot_env.strict_yaml import read_yaml
 
 HEAD = 65536  # bytes of a file in which its origin stands
-MADE = re.compile(r"^#? ?(?:made: .* by )?(python scripts/\S+\.py.*)$", re.MULTILINE)
+SCRIPT = re.compile(r"python scripts/(\w+)\.py")
+STARTED = rf"(?:python scripts/\S+\.py|youbot (?:{'|'.join(COMMANDS)})\b)"
+MADE = re.compile(rf"^#? ?(?:made: .* by )?({STARTED}.*)$", re.MULTILINE)
+TRAINED = re.compile(r"((?:python scripts/train\.py|youbot train)[ -~]*)")
 GENERATOR = re.compile(r'<meta name="generator" content="([^"]*)">')
 TABLES = (".csv", ".parquet")
 DRAWS = ".posterior.csv"  # robots drawn from the model that stands beside it
@@ -40,9 +44,9 @@ class Origin:
     unique: bool = False
 
     @property
-    def script(self) -> str:
-        """The script of the command line."""
-        return " ".join(self.command.split()[:2])
+    def name(self) -> str:
+        """The command of the command line, whether ``youbot`` or its script started it."""
+        return _name_and_options(self.command)[0]
 
 
 def check_replaceable(paths: Iterable[Path | None], command: str) -> None:
@@ -86,7 +90,7 @@ def origin(path: Path) -> Origin:
     if ending == ".html":
         return Origin(unescape(_first(GENERATOR, text)))
     if ending == ".onnx":  # made of a policy that is written beside it
-        return Origin(_first(re.compile(r"(python scripts/train\.py[ -~]*)"), text))
+        return Origin(_first(TRAINED, text))
     return Origin(_first(MADE, text), unique=ending in TABLES)
 
 
@@ -94,7 +98,7 @@ def _check(found: Origin, path: Path, command: str) -> None:
     mine = Origin(command)
     if not found.command:
         raise ValueError(f"{str(path)!r} exists and does not say what wrote it; {REMEDY}")
-    if found.script != mine.script or (found.unique and not same(found.command, command)):
+    if found.name != mine.name or (found.unique and not same(found.command, command)):
         raise ValueError(f"{str(path)!r} was written by '{found.command}'; {REMEDY}")
 
 
@@ -114,18 +118,24 @@ def _check_folder(page: Path, results: list[Path], command: str) -> None:
 
 def same(before: str, now: str) -> bool:
     """Whether two command lines write the same; never so where a log keeps how it was made."""
-    old, new = _words(before), _words(now)
+    (a, old), (b, new) = _name_and_options(before), _name_and_options(now)
     if "--resume" in new:  # the same run, gone on with
         old, new = (_without(words, "--resume", "--steps") for words in (old, new))
-    return "--hide" not in new and old == new
+    return "--hide" not in new and (a, old) == (b, new)
 
 
-def _words(command: str) -> list[str]:
+def _name_and_options(command: str) -> tuple[str, list[str]]:
+    """What names the command, empty if nothing does, and its options."""
     try:
         words = shlex.split(command)
     except ValueError:
         words = command.split()
-    return [word for word in words if word != "--force"]
+    words = [word for word in words if word != "--force"]
+    if words[:1] == ["youbot"]:
+        name, options = split_command(words[1:])
+        return COMMANDS.get(name, ""), options
+    script = SCRIPT.fullmatch(" ".join(words[:2]))
+    return (script[1] if script else ""), words[2:]
 
 
 def _without(words: list[str], flag: str, option: str) -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 
 import numpy as np
-from evaluate_tables import named
 
 from controllers import make
 from controllers.evaluation.claims import PAPER_LIMIT
@@ -15,6 +14,7 @@ from controllers.evaluation.run import SETTINGS, drive, make_env
 from controllers.evaluation.subjects import IDENTIFIED, INFORMED, NOMINAL, ORACLE, Subject
 from controllers.evaluation.tornado import INTERVAL, LEFT_OUT, PERCENT, Cost
 from ident.report import look
+from youbot_cli.evaluate_tables import named
 from youbot_env.simulation import Sensors
 
 EFFECTS = "#2f8f6b"

@@ -1,4 +1,4 @@
-"""Logs that a user gives a script: found, read with the options that all commands share."""
+"""Logs that a user gives a command: found, read with the options that all commands share."""
 
 from __future__ import annotations
 
@@ -10,20 +10,19 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, get_type_hints
 
-import console
 import typer
 
 from ident.diagnosis.fitness import LEAST_SECONDS
 from ident.doctor import LogError
 from ident.doctor.finding import Finding
 from ident.loaders import find_loader
-from ident.log import YOUBOT_TABLE, Log
+from ident.log import BUNDLED, YOUBOT_TABLE, Log, find_log
+from youbot_cli import console
 from youbot_env.model import Model
 from youbot_env.platform import youbot
 from youbot_env.platform_file import LINE, GivenPlatform, read_platform
 
-LOGS = console.ROOT / "logs"
-FIT, TEST = LOGS / "youbot_fit.csv", LOGS / "youbot_test.csv"
+FIT, TEST = BUNDLED.folder / "youbot_fit.csv", BUNDLED.folder / "youbot_test.csv"
 # Options that take all words up to the next option, for ``console.run``.
 SEVERAL = ("--test",)
 # What a folder of logs is searched for.
@@ -33,7 +32,7 @@ Logs = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[LOG ...]",
-        help="Logs: files, folders of files, patterns in quotes; the bundled one if left.",
+        help="Logs: files, folders of files, patterns in quotes; the bundled youbot_fit if left.",
     ),
 ]
 Tests = Annotated[
@@ -182,12 +181,14 @@ def reads_logs(command: Callable[..., None]) -> Callable[..., None]:
 def find_logs(words: Sequence[str | Path]) -> list[Path]:
     """Files of a command line: patterns are expanded, folders that are no log are looked into.
 
+    The names of bundled logs are known, see ``youbot_env.shipped``.
+
     Raises:
         ValueError: a word that is no file, or a pattern or folder without logs.
     """
     files: list[Path] = []
     for word in words:
-        path = Path(word)
+        path = find_log(word)
         if path.exists():
             found = [path] if path.is_file() or _is_log(path) else _inside(path)
         else:
@@ -203,8 +204,7 @@ def find_logs(words: Sequence[str | Path]) -> list[Path]:
             )
         if not found:
             raise ValueError(
-                f"no log {console.shown(word)!r}; check the name, or record one with "
-                "python scripts/record.py"
+                f"no log {console.shown(word)!r}; check the name, or record one with youbot record"
             )
         files += found
     return files

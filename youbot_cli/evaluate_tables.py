@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import console
-
 from controllers import find
 from controllers.evaluation.claims import Claim
 from controllers.evaluation.motions import REFERENCES
@@ -14,6 +12,7 @@ from controllers.evaluation.results import ERRORS, Results
 from controllers.evaluation.statistics import Figure
 from controllers.evaluation.subjects import MODELS
 from controllers.evaluation.tornado import Cost
+from youbot_cli import console
 
 PLAIN = ("effort", "saturation", "solve_median", "solve_p99", "fallbacks", "lost")
 SHOWN = 8

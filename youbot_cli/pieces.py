@@ -8,13 +8,12 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-import console
-
 from ident.benchmark.store import files_of, fingerprint
+from youbot_cli import console
 from youbot_env.model_file import write_atomically
 
 # What a result rests on besides what the caller says: code, models and trained policies.
-ROOMS, KINDS = ("youbot_env", "ident", "controllers", "models"), (".py", ".yaml", ".npz")
+ROOMS, KINDS = ("youbot_env", "ident", "controllers"), (".py", ".yaml", ".npz")
 
 
 class Pieces:

@@ -1,0 +1,101 @@
+"""Name the physical effect that a model is missing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ident.diagnosis.verdict import Diagnosis, diagnose
+from ident.disagreement import with_disagreements
+from ident.recording_words import in_words
+from ident.report.diagnose import UNTRIED, diagnosis_page, untried_lines
+from ident.report.findings import accepted, finding_lines, findings_json
+from youbot_cli import console, given_effects
+from youbot_cli.given_logs import (
+    FIT,
+    SEVERAL,
+    TEST,
+    LogOptions,
+    Logs,
+    Tests,
+    digests,
+    one_or_all,
+    reads_logs,
+    used_model,
+)
+from youbot_env.model_file import load_model
+
+SHOWN = 8
+
+
+@reads_logs
+def main(
+    logs: Logs = None,
+    test: Tests = None,
+    model: Annotated[
+        str, typer.Option(help="Model to start from: model file, nominal or paper.")
+    ] = "nominal",
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
+    ] = None,
+    effects: given_effects.EffectsFile = None,
+    seed: console.Seed = 0,
+    json_file: console.Json = None,
+    force: console.Force = False,
+    *,
+    options: LogOptions,
+) -> None:
+    """Name the physical effect that a model is missing, or say that none is or one cannot say."""
+    page_file = None if report is None else report / "index.html"
+    console.check_results(json_file, page_file, force=force)
+    if not logs:
+        logs, test = [FIT], test or [TEST]
+    given_effects.load_effects(effects)
+    start = load_model(model)
+    records, tests = options.read(start, logs, test or ())
+    everything, held = (*records, *tests), one_or_all(tests)
+    start = used_model(start, records)
+    with console.stages("reading") as tell:
+        found = diagnose(records, start, held, seed, tell)
+    everything = (*records, *with_disagreements(tests, found.differs))
+    show(found)
+    console.section("Log doctor", finding_lines(everything))
+    history = console.provenance(seed, digests(everything)) | accepted(everything)
+    result = found.as_dict() | {"findings": findings_json(everything), "provenance": history}
+    console.write_json(json_file, result)
+    if report is not None:
+        page = diagnosis_page(found, console.in_words(history), everything)
+        console.out.print(f"\npage: {page.write(report)}", soft_wrap=True)
+
+
+def show(found: Diagnosis) -> None:
+    """Print the verdict, sizes and what else was tried."""
+    console.out.print(f"{found.verdict.replace('_', ' ')}: {found.reason}")
+    console.section("How the logs were recorded", in_words(found.recording))
+    console.out.print()
+    rows = []
+    for step in found.named:
+        for name, q in step.sizes(found.model).items():
+            span = "" if q.ci95 is None else "{:.3g} ... {:.3g}".format(*q.ci95)
+            rows.append((step.best.identifier, name, q.value, span, q.unit))
+    if rows:
+        console.table("Sizes", ("effect", "parameter", "value", "95 % interval", "unit"), rows)
+    tried = [
+        (r.effect, f"{r.p:.3f}", f"{100 * r.gain:.1f}", f"{r.parameter}={r.size:.3g}", r.unit,
+         "-" if r.smallest is None else f"{r.smallest:.3g}", f"{100 * r.power:.0f}")
+        for r in found.reach[:SHOWN]
+    ]  # fmt: skip
+    if tried:
+        console.table(
+            "\nOn top of the base model",
+            ("effect", "p adjusted", "gain %", "size", "unit", "smallest seen", "power %"),
+            tried,
+        )
+    console.section(UNTRIED, untried_lines(found))
+
+
+def start() -> None:
+    """Run the command line."""
+    console.run(main, "youbot_fit --test youbot_test", SEVERAL)

@@ -1,0 +1,237 @@
+"""Identify the parameters of a platform from measured logs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
+from ident.disagreement import with_disagreements
+from ident.identification import identify
+from ident.log import Log
+from ident.quantities import AT_BOUND, UNSEEN
+from ident.recording_words import in_words
+from ident.report.findings import accepted, finding_lines, findings_json
+from ident.report.identify import identification_page
+from ident.report.outcome import (
+    Outcome,
+    agreement,
+    agreement_note,
+    effect_rows,
+    error_rows,
+    lump_rows,
+    parameter_rows,
+)
+from youbot_cli import console, given_effects
+from youbot_cli.given_logs import (
+    FIT,
+    SEVERAL,
+    TEST,
+    LogOptions,
+    Logs,
+    Tests,
+    digests,
+    one_or_all,
+    reads_logs,
+    used_model,
+)
+from youbot_env.envs.randomization import Posterior
+from youbot_env.model import Model
+from youbot_env.model_file import load_model, save_model, write_atomically
+
+# What the table says of values that no log determines.
+ORIGIN = {UNSEEN: "prior", AT_BOUND: "bound"}
+
+
+@reads_logs
+def main(
+    logs: Logs = None,
+    model: Annotated[
+        str, typer.Option(help="Model to start from: model file, nominal or paper.")
+    ] = "nominal",
+    add: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="EFFECT[=VALUE]",
+            help="Estimate an effect of docs/effects.md too, from VALUE on; may be repeated.",
+        ),
+    ] = None,
+    effects: given_effects.EffectsFile = None,
+    test: Tests = None,
+    method: Annotated[
+        str,
+        typer.Option(
+            help="auto (of voltages what predicts data kept out best), ls (least squares), iv "
+            "(instruments) or free-run."
+        ),
+    ] = "auto",
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The identified model, YAML.")] = Path(
+        "models/identified.yaml"
+    ),
+    posterior: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            min=0,
+            max=1_000_000,
+            help="Draw N robots from the result and write their parameters.",
+        ),
+    ] = 0,
+    by_motion: Annotated[
+        bool,
+        typer.Option(
+            "--by-motion",
+            help="Also identify motion by motion, as the paper does: the first log holds the "
+            "motions I, III, II, IV, a quarter of the time each.",
+        ),
+    ] = False,
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
+    ] = None,
+    json_file: console.Json = None,
+    force: console.Force = False,
+    seed: console.Seed = 0,
+    *,
+    options: LogOptions,
+) -> None:
+    """Identify the parameters of a platform from measured logs.
+
+    Only --posterior is random: equal logs give equal estimates.
+    """
+    page_file = None if report is None else report / "index.html"
+    draws_file = out.with_suffix(".posterior.csv") if posterior else None
+    console.check_results(out, json_file, page_file, draws_file, force=force)
+    if not logs:
+        logs, test = [FIT], test or [TEST]
+    given_effects.load_effects(effects)
+    before = load_model(model)
+    added = given_effects.parse_effects(add)
+    with console.progress("identifying", 4, "steps") as show:
+        measured, tests = options.read(before, logs, test or ())
+        untouched, before = one_or_all(tests), used_model(before, measured)
+        show(1)
+        result = identify(measured, before, added, untouched, method, name=out.stem)
+        decomposed = None
+        if by_motion:
+            decomposed = identify_by_motion(cut_calibration(measured[0]), result.prior)
+        tests = with_disagreements(tests, result.differs)
+        show(2)
+        outcome = Outcome.of(result, before)
+        show(3)
+        history = console.provenance(logs=digests(measured))
+        history = {key: value for key, value in history.items() if key != "seed"}
+        history |= {"method": result.method, "start": before.name}
+        if result.choice is not None:
+            history["method_chosen"] = str(result.choice)
+        if tests:
+            history["test_log"] = digests(tests)
+        history |= accepted([*measured, *tests])
+        page = None
+        if report is not None:
+            told = console.in_words(history)
+            page = identification_page(outcome, told, [*measured, *tests])
+        show(4)
+    usable = not outcome.problems
+    if usable:
+        save_model(replace(result.model, provenance=history), out)
+        if draws_file is not None:
+            write_posterior(result.model, posterior, seed, draws_file)
+    written = {"model": console.shown(out) if usable else None}
+    content = result.as_dict() | outcome.as_dict() | written
+    content["findings"] = findings_json([*measured, *tests])
+    if decomposed is not None:
+        content["by_motion"] = asdict(decomposed)
+    console.write_json(json_file, content | {"provenance": history})
+    address = None if page is None else page.write(report)
+    tell(outcome, [*measured, *tests], out if usable else None, address)
+    if decomposed is not None:
+        tell_by_motion(decomposed)
+    if not usable:
+        raise console.CheckFailed(
+            f"{out} is not written, the identified model cannot be used: "
+            + "; ".join(outcome.problems)
+        )
+
+
+def tell_by_motion(found: MotionIdentification) -> None:
+    """Show each parameter from the motion that sees it best beside the joint fit."""
+    rows = [
+        (name, source or "none", f"{value:.4g} +- {error:.2g}", f"{joint:.4g} +- {spread:.2g}")
+        for name, source, value, error, joint, spread in zip(
+            found.names, found.source, found.decomposed, found.decomposed_errors,
+            found.joint, found.joint_errors, strict=True,
+        )
+    ]  # fmt: skip
+    console.out.print()
+    head = ("", "motion", "from its motion", "joint fit")
+    console.table("Motion by motion, value +- standard error, kg m^2 and N m s", head, rows)
+
+
+def origin(row: tuple[str, ...]) -> str:
+    """Where the value in a row of ``parameter_rows`` comes from.
+
+    One that moved and has no interval is known in a combination with others alone.
+    """
+    moved = row[5] == UNSEEN and row[1] != row[2]
+    return "in part" if moved else ORIGIN.get(row[5], "fit")
+
+
+def write_posterior(model: Model, count: int, seed: int, path: Path) -> None:
+    """Write robots drawn from the identified covariance, one a row, as environments draw them."""
+    rng = np.random.default_rng(seed)
+    drawn = np.array([Posterior().draw(model, rng).values() for _ in range(count)])
+    lines = [",".join(model.names())]
+    lines += [",".join(f"{value:.6g}" for value in row) for row in drawn]
+    write_atomically(path, "\n".join(lines) + "\n")
+    console.out.print(f"posterior: {console.shown(path)}, {count} robots")
+
+
+def tell(outcome: Outcome, logs: list[Log], model: Path | None, page: Path | None) -> None:
+    """Say what was found: the verdict, then what it rests on."""
+    result = outcome.result
+    console.out.print(outcome.verdict, style="bold", soft_wrap=True)
+    console.section("How the logs were recorded", in_words(result.recording))
+    heads = ("", outcome.label, "identified", "95 % interval", "unit")
+    rows = [(*row[:5], origin(row), row[6]) for row in parameter_rows(outcome)]
+    console.out.print()
+    console.table(f"Parameters, by {result.method}", (*heads, "source", "doubt"), rows)
+    if result.choice is not None:
+        console.section("Method", [f"chosen: {result.choice}"])
+    if result.effects:
+        console.out.print()
+        console.table("Effects", heads, [row[:5] for row in effect_rows(outcome)])
+    console.section("Doubts", [f"({k}) {doubt}" for k, doubt in enumerate(outcome.doubts, 1)])
+    console.out.print()
+    console.table("Known better than the single inertias", heads, lump_rows(outcome))
+    console.out.print()
+    head, rows = agreement(outcome)
+    console.table("Estimators", head, rows)
+    console.out.print(agreement_note(result), soft_wrap=True)
+    console.out.print()
+    head = ("axis", "unit", "rms", f"error, {outcome.label}", "error, identified")
+    console.table(f"Free run on {outcome.judged_on}", head, error_rows(outcome))
+    seen = result.observability
+    words = f"\n{seen.rank} of {len(seen.names)} parameter directions seen"
+    if math.isfinite(seen.condition):
+        words += f", condition number {seen.condition:.3g}"
+    console.out.print(words)
+    console.section("Undetermined by these logs", seen.words)
+    console.section("Invisible to logs of this kind", result.invisible)
+    console.section("Log doctor", finding_lines(logs))
+    if not outcome.untouched:
+        console.section("Advice", ["give a log that is not fitted with --test to judge by"])
+    console.out.print()
+    if model is not None:
+        console.out.print(f"model: {model}", soft_wrap=True)
+    hint = "add --report DIR for the page with the figures" if page is None else f"page: {page}"
+    console.out.print(hint, soft_wrap=True)
+
+
+def start() -> None:
+    """Run the command line."""
+    console.run(main, "mine.csv --test other.csv --out mine.yaml --report report", SEVERAL)
