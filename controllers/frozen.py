@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.gate import POSE_NOISE, SPEED_NOISE, inertia
+from controllers.gate import HELD, POSE_NOISE, SPEED_NOISE, inertia
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model import Model
 
@@ -75,10 +75,12 @@ class Frozen:
         made, *sums = np.split(memory[:, 8:], 4, axis=1)
         made = made + action @ self._gain
         sums = [old + new for old, new in zip(sums, (made, count * made, made**2), strict=True)]
-        # A sensor that never changed may have steps of any size.
         moves = (np.abs(velocity) > SPEED_NOISE) & (least > 0.0)
         bent = (moves & (_bend(count, *sums) > BEND + 0.5 * STEPS * least)).any(axis=1)
-        elsewhere = np.abs(drift) > POSE_NOISE + STEPS * least * self._dt * count
+        # Of a sensor that never changed nobody knows the steps.
+        unseen = np.where(least > 0.0, STEPS * least, SPEED_NOISE)
+        allowed = POSE_NOISE + HELD * np.abs(velocity) + unseen * self._dt * count
+        elsewhere = np.abs(drift) > allowed
         still = equal & (told | ((count[:, 0] >= EQUAL) & (bent | elsewhere.any(axis=1))))
         line = np.hstack([made, *sums]) * (equal & moves.any(axis=1))[:, None]
         return still, np.hstack([velocity, least, still[:, None], count, line])
