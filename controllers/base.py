@@ -31,12 +31,14 @@ class Settings:
         torque_limit: torque of action 1, N m.
         speed_limit, yaw_rate_limit: body velocities of action 1 on the kinematic level, m/s and
             rad/s.
-        on_invalid: what to do at an observation with a number that is not finite: ``raise`` a
+        on_invalid: what to do at an observation with a number that is not finite, or whose
+            velocities repeat while the robot cannot have kept them (``Frozen``): ``raise`` a
             ``ValueError``; ``hold`` the last action, for 0.1 s at most, then brake; ``brake``.
             To brake is to command velocity 0 where wheel-speed loops follow, and else the torques,
             N m over ``torque_limit``, with which the model slows down from the last known velocity
             with a time constant of 0.2 s.
-        gate: whether finite samples that no robot can have moved to are replaced, see ``Gate``.
+        gate: whether finite samples that no robot can have moved to are replaced, see ``Gate``, and
+            velocities that stand still are told.
     """
 
     dt: float = 0.01
@@ -150,7 +152,7 @@ class Controller:
 
         Raises:
             ValueError: an observation or wheel angles of another size, or an observation that is
-                not finite where ``on_invalid`` is ``raise``.
+                not finite, or whose velocities stand still, where ``on_invalid`` is ``raise``.
         """
         seen = np.asarray(observation, float)
         single = seen.ndim == 1

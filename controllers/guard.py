@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from controllers.frozen import Frozen
 from controllers.gate import BRAKE_TIME, Gate
 from controllers.inverse import feedforward
 from youbot_env.backend import FLOAT
@@ -24,7 +25,8 @@ LONGEST_HOLD = 0.1
 class Guard:
     """Stands between what is observed and the law of a controller.
 
-    The memory holds: invalid observations in turn; the last action; the memory of ``Gate``.
+    The memory holds: invalid observations in turn; the last action; the memory of ``Frozen``, where
+    torques are commanded; that of ``Gate``.
 
     Args:
         model: what the controller believes.
@@ -43,7 +45,11 @@ class Guard:
             raise ValueError(f"on_invalid = {settings.on_invalid!r}; choose one of {ON_INVALID}")
         self._model, self._task, self._settings = model, task, settings
         self._gate, self._actions = Gate(model, task), task.action_space.shape[0]
-        self.size = 1 + self._actions + self._gate.size
+        # Wheel-speed loops follow commands that say nothing of torques.
+        watched = settings.gate and task.action_level == "torque"
+        self._frozen = Frozen(model, task) if watched else None
+        self._behind = 1 + self._actions + (self._frozen.size if watched else 0)
+        self.size = self._behind + self._gate.size
         longest = max(round(LONGEST_HOLD / task.dt), 1)
         self._hold = longest if settings.on_invalid == "hold" else 0
 
@@ -58,7 +64,8 @@ class Guard:
             Finite observations (robots, d), and the memory with ``invalid`` counted on.
 
         Raises:
-            ValueError: an observation is not finite, and ``on_invalid`` is ``raise``.
+            ValueError: an observation is not finite, or its velocities stand still while the robot
+                cannot, and ``on_invalid`` is ``raise``.
         """
         # The sum is the quick look; huge finite numbers may overflow it.
         invalid = np.zeros((len(seen), 1))
@@ -73,17 +80,37 @@ class Guard:
                     "or make the controller with on_invalid='hold' or 'brake'"
                 )
             invalid = 1.0 - finite.all(axis=1, keepdims=True)
-        split = 1 + self._actions
+        split, behind = 1 + self._actions, self._behind
+        watched = memory[:, split:behind]
+        if self._frozen is not None:
+            still, watched = self._frozen(
+                seen[:, 3:6], memory[:, 1:split], self._gate.drift(memory[:, behind:]), watched
+            )
+            if still.any():
+                self._refuse_frozen(seen, still)
+                invalid = np.maximum(invalid, still[:, None])
+                seen = seen.copy()
+                seen[still, 3:6] = np.nan
         count = invalid * (memory[:, :1] + 1.0)
         braking = (count > self._hold).astype(float)
-        believed, kept = self._gate(seen, memory[:, split:], braking)
+        believed, kept = self._gate(seen, memory[:, behind:], braking)
         if not self._settings.gate:
             believed = np.where(invalid > 0, believed, seen)
-        return believed, np.hstack([count, memory[:, 1:split], kept])
+        return believed, np.hstack([count, memory[:, 1:split], watched, kept])
+
+    def _refuse_frozen(self, seen: np.ndarray, still: np.ndarray) -> None:
+        if self._settings.on_invalid == "raise":
+            row = int(np.argmax(still))
+            shown = ", ".join(f"{v:g}" for v in seen[row, 3:6])
+            raise ValueError(
+                f"observation[{row}, 3:6] = {shown} does not change, while torques or the pose say "
+                "that the velocity does: its sensor stands still; repair it, or make the "
+                "controller with on_invalid='hold' or 'brake'"
+            )
 
     def known(self, memory: np.ndarray) -> np.ndarray:
         """Rows (robots, 1) of which anything was believed yet; before, no episode has begun."""
-        return self._gate.known(memory[:, 1 + self._actions :])
+        return self._gate.known(memory[:, self._behind :])
 
     def invalid(self, memory: np.ndarray) -> np.ndarray:
         """Rows (robots,) whose last admitted observation was none."""

@@ -21,6 +21,7 @@ from ident.instruments import (
     with_instruments,
     without_instruments,
 )
+from ident.kept import kept
 from ident.log import Log
 from ident.noise_floor import noise_floor
 from ident.output_error import OutputError, refine
@@ -58,6 +59,16 @@ WEAK = 1e-6
 
 def leads(logs: list[Log], model: Model) -> list[tuple[float, float]]:
     """Time by which every log's rows act ahead of held ones, and its standard error, s."""
+    return kept(
+        "clocks",
+        (logs, model),
+        lambda: _leads(logs, model),
+        pack=lambda found: found,
+        unpack=lambda known: [tuple(one) for one in known],
+    )
+
+
+def _leads(logs: list[Log], model: Model) -> list[tuple[float, float]]:
     sparse = [sparsely(exciting(log)) for log in logs]
     plain = with_instruments(without_instruments(model), sparse)
     try:

@@ -9,18 +9,21 @@ the others.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ident.free_values import FreeValues
 from ident.input_noise import PAIRS, noisier
 from ident.instruments import adapted, stated
+from ident.kept import kept
 from ident.log import Log
 from ident.pull import Pull
 from ident.scaled_fit import ScaledFit
 from ident.scopes import Scopes
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
+from youbot_env.parameters import Parameters
 
 # A step must lower the sum of squares by this share to be worth another.
 TOLERANCE = 1e-6
@@ -59,7 +62,6 @@ class OutputError:
         return self.models[0]
 
 
-@np.errstate(all="ignore")  # guesses that run away are told by their cost
 def refine(
     logs: list[Log],
     model: Model | list[Model],
@@ -99,6 +101,33 @@ def refine(
         The refined model with its covariance.  Contrast parameters keep their mean.
     """
     starts = [model] if isinstance(model, Model) else model
+    rest = (window, iterations, keep, weights, tolerance, intervals, ends, smooth, draws, prior)
+    return kept(
+        "refinement",
+        (logs, starts, free and sorted(free), *rest),  # names in any order are one question
+        lambda: _refine(logs, starts, free, *rest),
+        _packed,
+        lambda known: _unpacked(known, logs, starts[0], window),
+    )
+
+
+@np.errstate(all="ignore")  # guesses that run away are told by their cost
+def _refine(
+    logs: list[Log],
+    starts: list[Model],
+    free: tuple[str, ...] | None,
+    window: float | None,
+    iterations: int,
+    keep: list[np.ndarray] | None,
+    weights: list[np.ndarray] | None,
+    tolerance: float,
+    intervals: bool,
+    ends: list[dict[str, tuple[float, float]]] | None,
+    smooth: bool,
+    draws: int,
+    prior: Model | None,
+) -> OutputError:
+    """As ``refine``, without looking for an answer that was kept."""
     model, scopes = starts[0], Scopes.of(starts[0], len(logs))
     fixed = [set(stated(model, log)) for log in logs]
     free_values = FreeValues.of(model, free, scopes, fixed, ends)
@@ -152,6 +181,56 @@ def refine(
     clusters = int(now.groups[-1]) + 1
     costs = first, now.cost
     return OutputError(models, covariance, scopes, clusters, costs, converged, now.simulations)
+
+
+def _packed(found: OutputError) -> dict[str, Any]:
+    """A result in types that JSON has: parameters as they are, since theta would round them."""
+    values = [
+        {
+            "parameters": list(model.parameters.as_dict().values()),
+            "effects": [active.values for active in model.effects],
+        }
+        for model in found.models
+    ]
+    covariance = None if found.covariance is None else found.covariance.tolist()
+    return {
+        "values": values,
+        "covariance": covariance,
+        "windows": found.windows,
+        "cost": found.cost,
+        "converged": found.converged,
+    }
+
+
+@np.errstate(all="ignore")
+def _unpacked(
+    known: dict[str, Any], logs: list[Log], model: Model, window: float | None
+) -> OutputError:
+    """The result again, its logs simulated anew."""
+    scopes = Scopes.of(model, len(logs))
+    models = tuple(
+        replace(
+            model,
+            parameters=Parameters(*one["parameters"]),
+            effects=tuple(
+                replace(active, values=values)
+                for active, values in zip(model.effects, one["effects"], strict=True)
+            ),
+        )
+        for one in known["values"]
+    )
+    simulations = tuple(
+        Linearised.of(log, one, window) for log, one in zip(logs, models, strict=True)
+    )
+    covariance = known["covariance"]
+    if covariance is not None:
+        covariance = np.array(covariance)
+        models = tuple(
+            replace(one, covariance=covariance[np.ix_(places, places)].tolist())
+            for one, places in zip(models, scopes.index, strict=True)
+        )
+    cost, converged = tuple(known["cost"]), known["converged"]
+    return OutputError(models, covariance, scopes, known["windows"], cost, converged, simulations)
 
 
 def _credible(bias: np.ndarray, errors: np.ndarray) -> np.ndarray:

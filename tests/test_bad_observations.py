@@ -19,14 +19,23 @@ HIDDEN = {"wheel_coulomb_friction": 0.2, "yaw_scrub_friction": 2.0, "actuator_de
 ROBOT = draw_subjects("analytic", 1, PAPER, HIDDEN, 0)[0].truth
 LEARNING = ("computed_torque", "lqr", "adaptive", "residual", "mpc")
 AT, STEPS = 60, 180
+NOISY = Sensors()
 
 
-def run(controller, spoil=None, jolt=None, robot=ROBOT, steps=STEPS, motion=("eight", 1.0)):
+def run(
+    controller,
+    spoil=None,
+    jolt=None,
+    robot=ROBOT,
+    steps=STEPS,
+    motion=("eight", 1.0),
+    sensors=NOISY,
+):
     """Actions, poses, m, m, rad, and errors of a run whose observations are spoiled.
 
     ``spoil(step, seen)`` returns what is observed, ``jolt(step, plant)`` changes the robot.
     """
-    env = gym.make("YouBot-v0", model=robot, sensors=Sensors(), max_episode_steps=10**6,
+    env = gym.make("YouBot-v0", model=robot, sensors=sensors, max_episode_steps=10**6,
                    reference=Motion(*motion).reference, **controller.env_kwargs)  # fmt: skip
     seen, _ = env.reset(seed=1, options={"offset": (0, 0, 0), "follow": True})
     actions, poses, errors, state = [], [], [], None
@@ -169,17 +178,23 @@ def test_a_collision_is_believed_after_a_few_samples_and_overcome(name):
             assert np.hypot(*plant.velocity[:2]) > 0.25
             plant.reset(plant.pose, (0.0, 0.0, 0.0))
 
-    controller, speeds = make(name, NOMINAL), []
+    controller, shown, measured = make(name, NOMINAL), [], []
     act = controller.act
 
-    def watched(shown, memory):
-        speeds.append(np.hypot(*shown[0, 3:5]))
-        return act(shown, memory)
+    def watched(seen, memory):
+        shown.append(seen[0, 3:5].copy())
+        return act(seen, memory)
+
+    def noted(step, seen):
+        measured.append(seen[3:5].copy())
+        return seen
 
     controller.act = watched
-    _, _, errors = run(controller, jolt=stopped, robot=PAPER, motion=("circle", 1.0))
-    assert speeds[AT + AGREEING - 1] > 0.2  # not believed yet
-    assert speeds[AT + AGREEING] < 0.2
+    _, _, errors = run(controller, noted, stopped, PAPER, motion=("circle", 1.0))
+    gap = np.linalg.norm(np.array(shown) - measured, axis=1)
+    assert gap[: AT + 1].max() == 0.0
+    assert gap[AT + 1] > 0.2  # not believed yet
+    assert gap[AT + AGREEING :].max() == 0.0
     # Without the gate computed torque is back within 10 mm as well.
     assert np.hypot(*errors[-20:, :2].T).max() < 0.012
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -109,6 +110,25 @@ def test_finished_pieces_are_not_done_again_unless_something_differs(crew, tmp_p
     assert not (tmp_path / "pieces").exists()
 
 
+def test_pieces_that_do_not_count_are_told(crew, tmp_path, capsys):
+    crew(seed=1).run("squares", work(square, 3))
+    path = next((tmp_path / "pieces").iterdir())
+    path.write_text(re.sub(r'"value": ', r"\g<0>1", path.read_text()))  # another value, good JSON
+    capsys.readouterr()
+    with pytest.raises(ValueError, match="stop"), crew(seed=1).pieces:
+        raise ValueError("stop")
+    told = capsys.readouterr().err
+    assert "going on from 2 finished pieces in " in told
+    assert "1 finished piece in " in told
+    assert crew(seed=1).run("squares", work(square, 3)) == [0, 1, 4]
+    capsys.readouterr()
+    with crew(seed=2).pieces:
+        told = capsys.readouterr().err
+        assert "going on" not in told
+        assert "3 finished pieces in " in told
+        assert "of other inputs, options or code: made anew" in told
+
+
 def test_results_are_the_same_kept_or_fresh(crew):
     def pair(number):
         return (number, float("inf"))
@@ -176,7 +196,8 @@ def test_a_run_with_a_killed_process_and_ctrl_c_goes_on_and_ends_the_same(tmp_pa
     assert 2 <= len(list(pieces.glob("*.json"))) < 8
     again = start()
     said, told = again.communicate(timeout=60)
-    assert (again.returncode, told) == (0, "waiting ...\n")
+    assert again.returncode == 0
+    assert re.fullmatch(r"going on from \d finished pieces in out.pieces\nwaiting ...\n", told)
     assert said.strip() == str([k / 3 for k in range(8)])
     assert not pieces.exists()
 

@@ -116,6 +116,16 @@ def test_the_state_of_a_training_is_kept(script, tmp_path):
     assert (tmp_path / "c" / "checkpoint.pt").read_bytes() == b"hours"
 
 
+def test_a_folder_with_pieces_of_a_run_that_was_stopped_is_gone_on_with(origins, tmp_path):
+    page, pieces = tmp_path / "index.html", tmp_path / "pieces"
+    pieces.mkdir()
+    (pieces / "0.piece.json").write_text("{}")
+    origins.check_replaceable([page], "python scripts/improve.py --report x")
+    (pieces / "chess.txt").write_text("rook")
+    with pytest.raises(ValueError, match=r"holds other things \(pieces\)"):
+        origins.check_replaceable([page], "python scripts/improve.py --report x")
+
+
 def test_a_page_takes_no_folder_that_holds_other_things(origins, tmp_path):
     page, result = tmp_path / "index.html", tmp_path / "m.yaml"
     command = "python scripts/identify.py a.csv --report x"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +16,7 @@ from controllers.evaluation.run import drive, make_env, measure
 from controllers.evaluation.subjects import Subject
 from ident.disagreement import with_disagreements
 from ident.improvement import Improvement, improve
+from ident.kept import fingerprint, keeping
 from ident.log import Log
 from ident.recording_words import in_words
 from ident.report.diagnose import UNTRIED, untried_lines
@@ -42,6 +43,7 @@ from youbot_cli.given_logs import (
     reads_logs,
     used_model,
 )
+from youbot_cli.pieces import Pieces, digest, place
 from youbot_env.model_file import load_model, save_model
 
 # What the controllers are tried on: a figure of eight beyond the 0.5 rad/s of the paper.
@@ -93,7 +95,11 @@ def main(
     *,
     options: LogOptions,
 ) -> None:
-    """Add what a model is missing until nothing is, and write the final model."""
+    """Add what a model is missing until nothing is, and write the final model.
+
+    Every fit is kept in the folder of --report, else beside --json or --out, until all is done: a
+    run that was stopped goes on from there when it is called again, with the same result.
+    """
     given_effects.load_effects(effects)
     page_file = None if report is None else report / "index.html"
     console.check_results(out, json_file, page_file, force=force)
@@ -104,30 +110,38 @@ def main(
     everything, held = (*records, *tests), one_or_all(tests)
     start = used_model(start, records)
     history = console.provenance(seed, digests(everything)) | accepted(everything)
-    with console.stages("reading") as say:
-        done = improve(records, start, held, seed, say, out.stem)
-        everything = (*records, *with_disagreements(tests, done.found.differs))
-        usable = bool(done.stages) and not done.problems
-        tracking = None
-        if usable and len(done.stages) > 1:
-            say("trying the controllers")
-            tracking = tried(done, records, seed)
-        gains = [*([str(tracking)] if tracking else []), *(uses(out, records) if usable else [])]
-        say("drawing")
-        page = None
-        if report is not None:
-            page = improvement_page(done, gains, console.in_words(history), everything)
-    if usable:
-        made = {"method": "diagnosis and free-run refinement", "start": start.name}
-        save_model(replace(done.model, provenance=history | made), out)
-    result = done.as_dict() | {
-        "model": console.shown(out) if usable else None,
-        "tracking": asdict(tracking) if tracking else None,
-        "findings": findings_json(everything),
-        "provenance": history,
-    }
-    console.write_json(json_file, result)
-    address = None if page is None else page.write(report)
+    settings = {"logs": [log.digest for log in records], "tests": [log.digest for log in tests]}
+    settings |= {"model": fingerprint(start), "effects": digest([effects]), "seed": seed}
+    settings["options"] = {field.name: getattr(options, field.name) for field in fields(options)}
+    pieces = Pieces(place("improve", report, json_file or out), settings)
+    with pieces, keeping(pieces):
+        with console.stages("reading") as say:
+            done = improve(records, start, held, seed, say, out.stem)
+            everything = (*records, *with_disagreements(tests, done.found.differs))
+            usable = bool(done.stages) and not done.problems
+            tracking = None
+            if usable and len(done.stages) > 1:
+                say("trying the controllers")
+                tracking = tried(done, records, seed)
+            gains = [
+                *([str(tracking)] if tracking else []),
+                *(uses(out, records) if usable else []),
+            ]
+            say("drawing")
+            page = None
+            if report is not None:
+                page = improvement_page(done, gains, console.in_words(history), everything)
+        if usable:
+            made = {"method": "diagnosis and free-run refinement", "start": start.name}
+            save_model(replace(done.model, provenance=history | made), out)
+        result = done.as_dict() | {
+            "model": console.shown(out) if usable else None,
+            "tracking": asdict(tracking) if tracking else None,
+            "findings": findings_json(everything),
+            "provenance": history,
+        }
+        console.write_json(json_file, result)
+        address = None if page is None else page.write(report)
     tell(done, everything, gains, out if usable else None, address)
     if done.problems:
         raise console.CheckFailed(f"{out} is not written: {'; '.join(done.problems)}")

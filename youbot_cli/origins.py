@@ -28,6 +28,8 @@ TRAINED = re.compile(r"((?:python scripts/train\.py|youbot train)[ -~]*)")
 GENERATOR = re.compile(r'<meta name="generator" content="([^"]*)">')
 TABLES = (".csv", ".parquet")
 DRAWS = ".posterior.csv"  # robots drawn from the model that stands beside it
+# Folder in that of a page, and ending of the files, in which unfinished work is kept.
+PIECES, PIECE = "pieces", ".piece.json"
 REMEDY = "choose another name, or replace it with --force"
 
 
@@ -107,13 +109,20 @@ def _check_folder(page: Path, results: list[Path], command: str) -> None:
         _check(origin(page), page, command)
     elif page.parent.is_dir():
         own = {path.resolve() for path in results}
-        other = sorted(p.name for p in page.parent.iterdir() if p.resolve() not in own)
+        found = (p for p in page.parent.iterdir() if p.resolve() not in own)
+        other = sorted(p.name for p in found if not _unfinished(p))
         if other:
             raise ValueError(
                 f"the folder {str(page.parent)!r} holds other things ({', '.join(other[:3])}"
                 f"{', ...' if len(other) > 3 else ''}) and no page of this command; choose another "
                 "folder, or write into it with --force"
             )
+
+
+def _unfinished(path: Path) -> bool:
+    """Whether a folder holds nothing but pieces of a run that was stopped."""
+    inside = path.name == PIECES and path.is_dir() and not path.is_symlink()
+    return inside and all(one.name.endswith(PIECE) for one in path.iterdir())
 
 
 def same(before: str, now: str) -> bool:

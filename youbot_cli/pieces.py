@@ -10,6 +10,7 @@ from typing import Any
 
 from ident.benchmark.store import files_of, fingerprint
 from youbot_cli import console
+from youbot_cli.origins import PIECE, PIECES
 from youbot_env.model_file import write_atomically
 
 # What a result rests on besides what the caller says: code, models and trained policies.
@@ -20,8 +21,8 @@ class Pieces:
     """One JSON file for each finished piece, named by a hash of everything it depends on.
 
     Files that are damaged, or of other settings, other inputs or other code, are as good as none.
-    Used as ``with pieces:`` around the whole work, they are removed once it is done, and Ctrl-C
-    says how to go on.
+    Used as ``with pieces:`` around the whole work, what was found there is told, they are removed
+    once it is done, and Ctrl-C says how to go on.
 
     Args:
         folder: where they are kept; made with the first.
@@ -30,9 +31,22 @@ class Pieces:
 
     def __init__(self, folder: Path, settings: dict[str, Any]):
         self.folder = folder
-        self._settings = {"settings": settings, "code": code_version()}
+        used = console.provenance()["versions"]
+        self._settings = {"settings": settings, "code": code_version(), "versions": used}
 
     def __enter__(self) -> Pieces:
+        kept = [_read(path) for path in self.folder.glob(f"*{PIECE}")]
+        own = self._key("")
+        usable = sum(1 for one in kept if one and one["key"] | {"piece": ""} == own)
+        where = console.shown(self.folder)
+        if usable:
+            console.err.print(f"going on from {_counted(usable)} in {where}", soft_wrap=True)
+        if usable < len(kept):
+            console.err.print(
+                f"{_counted(len(kept) - usable)} in {where} damaged, or of other inputs, options "
+                "or code: made anew",
+                style="yellow", soft_wrap=True,
+            )  # fmt: skip
         return self
 
     def __exit__(self, kind, error, trace) -> None:
@@ -47,11 +61,8 @@ class Pieces:
     def find(self, name: str) -> Any:
         """What was kept under a name, or None."""
         key = self._key(name)
-        try:
-            kept = json.loads(self._path(key).read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            return None
-        return kept.get("value") if isinstance(kept, dict) and kept.get("key") == key else None
+        kept = _read(self._path(key))
+        return kept["value"] if kept and kept["key"] == key else None
 
     def keep(self, name: str, value: Any) -> Any:
         """Keep a piece, whole or not at all.
@@ -64,7 +75,8 @@ class Pieces:
             The value as ``find`` gives it, so that a run that goes on ends like one in one go.
         """
         key = self._key(name)
-        text = json.dumps({"key": key, "value": value})
+        kept = {"key": key, "sha256": _digest_of(value), "value": value}
+        text = json.dumps(kept)
         write_atomically(self._path(key), text)
         return json.loads(text)["value"]
 
@@ -75,7 +87,7 @@ class Pieces:
 
     def remove(self) -> None:
         """Remove all pieces in the folder, those of other settings too, and the folder."""
-        for path in self.folder.glob("*.piece.json"):
+        for path in self.folder.glob(f"*{PIECE}"):
             path.unlink(missing_ok=True)
         if self.folder.is_dir() and not any(self.folder.iterdir()):
             self.folder.rmdir()
@@ -86,15 +98,34 @@ class Pieces:
 
     def _path(self, key: dict) -> Path:
         text = json.dumps(key, sort_keys=True)
-        return self.folder / f"{hashlib.sha256(text.encode()).hexdigest()[:20]}.piece.json"
+        return self.folder / f"{hashlib.sha256(text.encode()).hexdigest()[:20]}{PIECE}"
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    """What a file of a piece holds; None where it is not what was written."""
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    whole = isinstance(kept, dict) and isinstance(kept.get("key"), dict) and "value" in kept
+    return kept if whole and kept.get("sha256") == _digest_of(kept["value"]) else None
+
+
+def _digest_of(value: Any) -> str:
+    """SHA-256 of a value as JSON writes it."""
+    return hashlib.sha256(json.dumps(value).encode()).hexdigest()
+
+
+def _counted(pieces: int) -> str:
+    return f"{pieces} finished piece{'s' if pieces > 1 else ''}"
 
 
 def place(command: str, report: Path | None, json_file: Path | None) -> Path:
     """Folder for the pieces of a command: in its report, else beside its file, else in runs."""
     if report is not None:
-        return report / "pieces"
+        return report / PIECES
     beside = Path("runs") if json_file is None else json_file.parent
-    return beside / f"{command if json_file is None else json_file.stem}.pieces"
+    return beside / f"{command if json_file is None else json_file.stem}.{PIECES}"
 
 
 def digest(paths: Iterable[Path | None]) -> list[str]:
