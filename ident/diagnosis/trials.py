@@ -11,6 +11,7 @@ from scipy.linalg import null_space
 
 from ident.dead_reckoning import dead_reckoning
 from ident.diagnosis.orders import strongest_orders
+from ident.kinematics.ripple import roller_phases
 from ident.log import Log
 from ident.restored import unknown_pose, unknown_wheel_angle
 from ident.unseen import NEGLIGIBLE
@@ -256,6 +257,14 @@ def _profiles(curved: list[Parameter], log: Log, orders: tuple) -> Iterator[dict
     if not curved:
         yield {}
         return
+    for parameter in curved:
+        if parameter.profile_unit == "roller_phase":
+            phases = roller_phases(log)
+            if phases is not None:  # the wheels themselves tell where their rollers are
+                names = (f"{parameter.name}_{wheel}" for wheel in log.platform.wheel_names)
+                others = {p.name: p.profile[0] for p in curved if p is not parameter}
+                yield others | dict(zip(names, phases.tolist(), strict=True))
+                return
     grids = {p.name: profile(p, log, orders) for p in curved}
     if any(p.crossed for p in curved):
         yield from (dict(zip(grids, sizes, strict=True)) for sizes in product(*grids.values()))
@@ -278,6 +287,7 @@ def profile(parameter: Parameter, log: Log, orders: tuple = ()) -> list[float]:
         "peak": float(np.abs(log.command).max()),
         "duration": log.duration,
         "order": 1.0,
+        "roller_phase": 1.0,
     }
     if parameter.profile_unit == "reach":
         place = dead_reckoning(log) if log.pose is None else log.pose
@@ -295,6 +305,8 @@ def brackets(active: ActiveEffect, log: Log) -> dict[str, tuple[float, float]]:
     found = {}
     for parameter in active.effect.parameters:
         if parameter.smooth or parameter.linear:
+            continue
+        if parameter.name not in active.values:  # one for each wheel, as the wheels told
             continue
         value, sizes = active.values[parameter.name], np.array(profile(parameter, log))
         below, above = sizes[sizes < value - 1e-9], sizes[sizes > value + 1e-9]

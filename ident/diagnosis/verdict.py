@@ -34,6 +34,7 @@ from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
 from ident.disagreement import disagreements, may_judge, not_used
 from ident.doctor.finding import Finding
 from ident.instruments import without_instruments, without_late
+from ident.kinematics.ripple import with_phases_of
 from ident.log import Log
 from ident.observability import FAINT
 from ident.output_error import OutputError
@@ -208,6 +209,8 @@ def diagnose(
     model = without_instruments(model)
     if not inertia_is_seen(logs, model):
         logs, tests = ([judged_by_force(log) for log in some] for some in (logs, tests))
+    tests = [with_phases_of(logs[0], test) for test in tests]
+    logs = [logs[0], *(with_phases_of(logs[0], log) for log in logs[1:])]
     tell("finding out how the logs were recorded")
     records = recordings(logs, tests, model)
     differs = of_other_robots(logs, tests, records, model)

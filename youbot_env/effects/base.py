@@ -44,7 +44,8 @@ class Parameter:
         profile_unit: ``default`` (the typical size), ``command`` (rms of the drive input),
             ``peak`` (its largest value), ``duration`` (of the record) or ``reach`` (the farthest
             the robot comes from the origin along x or y).  ``order``: no profile but the orders of
-            the wheel angle at which a record repeats.
+            the wheel angle at which a record repeats.  ``roller_phase``: for each wheel what the
+            wheels themselves tell of their rollers, where they do.
         crossed: whether its profile is tried with every value of the others' profiles.
         smooth: whether the law has a derivative in the parameter; where it has none the parameter
             stays at the best of its profile.

@@ -34,7 +34,7 @@ class RollerRipple(Effect):
                   profile=(1.0,)),
         Parameter("phi0", "rad", "roller phase where the wheel angle is zero", 0.0,
                   (-PITCH / 2, PITCH / 2), linear=False, per_wheel=True,
-                  profile=(0.0, -0.4, -0.2, 0.2, 0.4), smooth=False),
+                  profile=(0.0, -0.4, -0.2, 0.2, 0.4), profile_unit="roller_phase", smooth=False),
     )  # fmt: skip
     regime = "sideways motion and turning; repeats six times a wheel turn"
     confusables = ("torque_ripple", "torque_ripple_second", "wheel_slip")
