@@ -309,6 +309,6 @@ def test_nothing_is_named_below_the_noise():
     """Motion I hardly moves on two axes; one in eight such logs named carpet."""
     log = record(PAPER, make_reference("I", speed=0.3), 60.0, 0)
     found = diagnose(log, NOMINAL)
-    assert found.errors.before < found.errors.floor
+    assert found.errors.before < found.errors.white
     assert found.verdict == "nothing_missing"
     assert found.as_dict()["named"] == []

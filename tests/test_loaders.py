@@ -246,7 +246,7 @@ def test_new_file_in_the_folder_is_a_new_format(tmp_path, monkeypatch):
 
     (tmp_path / "mine_of_the_test.py").write_text(NEW_FORMAT)
     monkeypatch.setattr(ident.loaders, "__path__", [*ident.loaders.__path__, str(tmp_path)])
-    loaders.cache_clear()
+    ident.loaders._shipped.cache_clear()
     good = make()
     speeds = good.wheel_velocity * [-30 / np.pi, 1, 1, 1]
     values = np.column_stack([good.time, speeds, good.wheel_torque])
@@ -255,7 +255,7 @@ def test_new_file_in_the_folder_is_a_new_format(tmp_path, monkeypatch):
     try:
         log = Log.load(path)
     finally:
-        loaders.cache_clear()
+        ident.loaders._shipped.cache_clear()
     np.testing.assert_allclose(log.wheel_velocity, good.wheel_velocity, atol=1e-9)
     np.testing.assert_allclose(log.wheel_torque, good.wheel_torque, atol=1e-9)
 

@@ -241,8 +241,9 @@ def diagnose(
     fits, start = freed(found.fits, records, refined.model, len(tests), model)
     chain, errors = _with_errors(fits, start, steps)
     fitting = ""
-    if errors.before <= errors.floor and (_real(steps) or outside):
-        # Noise alone leaves as much without any of them.
+    if errors.before <= errors.white and (_real(steps) or outside):
+        # White noise of the sensors alone leaves as much without any of them.  Noise of the drive
+        # that lasts does not count here: an effect that is missing passes for some of it.
         fitting = ", ".join(step.best.identifier for step in _real(steps)) or "a dependence"
         fitting = f"; {fitting} fits, but no more than noise was left without it"
         steps, outside = [step for step in steps if step not in _real(steps)], False
