@@ -11,16 +11,14 @@ from scipy.special import stdtrit
 
 from ident.diagnosis.parts import FIT, Part
 from ident.diagnosis.verdict import Diagnosis, diagnose
-from ident.free_values import free_directions
+from ident.identifiability import SMALL, Seen, parameter_sizes
 from ident.log import Log
-from ident.observability import SMALL, parameter_sizes
+from ident.parameter_space import free_directions
 from ident.pooling import as_list
 from ident.prior import prior_spreads
-from ident.quantities import Quantity, annotated, quantities
-from ident.scaled_fit import settled
-from ident.seen import Seen
+from ident.residuals import settled
+from ident.results import Quantity, Shown, annotated, quantities
 from ident.sensitivity import Linearised
-from ident.shown import Shown
 from ident.threads import one_thread
 from youbot_env.dynamics import Theta
 from youbot_env.model import Model

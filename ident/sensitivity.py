@@ -22,7 +22,7 @@ import numpy as np
 from ident.dead_reckoning import wheel_angles
 from ident.free_run import LEAST_WINDOW, Windows, cut_windows, fitting, seen_by_sensors
 from ident.log import Log
-from ident.recent import Recent, part_of
+from ident.memo import Memo, part_of
 from ident.restored import INSTRUMENTS, restored
 from ident.signals import delivered_torques, internal_states, observed_motion
 from youbot_env import dynamics
@@ -195,15 +195,15 @@ class Linearised:
             return [observed_motion(p, robot, log.time[0]) for p in log.pieces()]
 
         def delivered() -> tuple:
-            seen = self._recent.of(("motions", rolling, reads, instruments), motions)
+            seen = self._memo.of(("motions", rolling, reads, instruments), motions)
             return tuple(delivered_torques(log, model, values, seen)[self._rows].T)
 
         driven = part_of(model, values, DRIVE)
-        torque = self._recent.of(("torque", driven, instruments), delivered)
+        torque = self._memo.of(("torque", driven, instruments), delivered)
         s = self._signals(robot, self._middle, 0.5, ("middle", rolling), ahead)
         wrench = robot.wrench(torque, s, self._inner(structure, log, model, values), NUMPY)
         placed = (rolling, part_of(model, values, ("inertial",)), tuple(values[:7]))
-        inertia = self._recent.of(("inertia", placed), lambda: robot.inertia_at(s))
+        inertia = self._memo.of(("inertia", placed), lambda: robot.inertia_at(s))
         acceleration = self._stack(robot.acceleration(wrench, s, inertia))
 
         def outputs() -> np.ndarray:
@@ -217,7 +217,7 @@ class Linearised:
             return shown + (_output(self.raw) - _output(log))[self.windows.index.ravel()].T
 
         if ahead is None and not robot.acting("slip"):
-            return acceleration, self._recent.of(("outputs", rolling, instruments), outputs)
+            return acceleration, self._memo.of(("outputs", rolling, instruments), outputs)
         return acceleration, outputs()
 
     def _inner(self, structure: Structure, log: Log, model: Model, values) -> tuple:
@@ -233,11 +233,11 @@ class Linearised:
             return 0.5 * (states[rows] + states[rows + 1]).T
 
         moving = part_of(model, values, (*DRIVE, "evolve", "kinematics", *INSTRUMENTS))
-        return structure.parted(self._recent.of(("states", moving), middle))
+        return structure.parted(self._memo.of(("states", moving), middle))
 
     @cached_property
-    def _recent(self) -> Recent:
-        return Recent()
+    def _memo(self) -> Memo:
+        return Memo()
 
     def _signals(
         self,
@@ -257,7 +257,7 @@ class Linearised:
         v, pose = tuple(v.T), tuple(states[:, :3].T)
         if not (key and robot.acting("kinematics")):
             return robot.signals(t, v, pose, angle, self._commands, NUMPY)
-        geometry = self._recent.of(
+        geometry = self._memo.of(
             key, lambda: robot.signals(t, v, pose, angle, self._commands, NUMPY).geometry
         )
         return robot.signals(t, v, pose, angle, self._commands, NUMPY, geometry)

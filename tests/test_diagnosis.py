@@ -26,7 +26,7 @@ from ident.diagnosis.trials import trials
 from ident.log import Log
 from ident.noise_floor import noise_floor
 from ident.output_error import refine
-from ident.scaled_fit import scaled_error
+from ident.residuals import scaled_error
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import ActiveEffect

@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from ident.blocks import CALIBRATION
 from ident.design import Design, Experiment, Limits, design_motion, quantities, simulate
+from ident.sequential import CALIBRATION
 from youbot_cli import console, given_effects
 from youbot_env.model_file import load_model
 from youbot_env.parameters import UNITS

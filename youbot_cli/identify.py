@@ -10,11 +10,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
 from ident.disagreement import with_disagreements
 from ident.identification import identify
 from ident.log import Log
-from ident.quantities import AT_BOUND, UNSEEN
 from ident.recording_words import in_words
 from ident.report.findings import accepted, finding_lines, findings_json
 from ident.report.identify import identification_page
@@ -27,6 +25,8 @@ from ident.report.outcome import (
     lump_rows,
     parameter_rows,
 )
+from ident.results import AT_BOUND, UNSEEN
+from ident.sequential import MotionIdentification, cut_calibration, identify_by_motion
 from youbot_cli import console, given_effects
 from youbot_cli.given_logs import (
     FIT,

@@ -20,8 +20,8 @@ from ident.diagnosis.reduced import Reduced
 from ident.diagnosis.rows import averaged, score, stretches, summed
 from ident.diagnosis.significance import wild_p_values
 from ident.diagnosis.trials import Trial
-from ident.free_values import free_directions, value_bounds
-from ident.scaled_fit import independent
+from ident.parameter_space import free_directions, value_bounds
+from ident.residuals import independent
 from ident.scopes import parameter_scope
 from ident.sensitivity import Linearised
 from youbot_env.model import Model

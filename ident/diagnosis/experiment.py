@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ident.diagnosis.menu import SECONDS, menu
-from ident.free_values import free_directions
 from ident.log import Log
-from ident.scaled_fit import output_weights, settled
+from ident.parameter_space import free_directions
+from ident.residuals import output_weights, settled
 from ident.sensitivity import COARSE, Linearised
 from youbot_env.model import Model
 from youbot_env.references import Reference

@@ -15,11 +15,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from ident.consistency import lump_weights
+from ident.identifiability import Seen, observe_regression
 from ident.log import CHANNELS, Log
-from ident.observability import observe_regression
-from ident.physical import lump_weights
 from ident.regression import Regression, build_regression
-from ident.seen import Seen
 from youbot_env.model import Model
 
 # Length of the windows in which forces are judged, s, or one sample: a light robot whose friction

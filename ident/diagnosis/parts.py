@@ -8,10 +8,10 @@ import numpy as np
 
 from ident.diagnosis.judge import INERTIAL
 from ident.free_run import cut_windows
-from ident.free_values import smooth_names
 from ident.log import Log
 from ident.noise_floor import noise_floor
-from ident.scaled_fit import independent, output_weights, settled
+from ident.parameter_space import smooth_names
+from ident.residuals import independent, output_weights, settled
 from ident.sensitivity import Linearised, window_length
 from youbot_env.effects.base import Effect
 from youbot_env.model import Model

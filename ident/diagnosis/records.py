@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ident.decimate import DENSE, decimated
 from ident.diagnosis.parts import FIT, choosing_until, divide
 from ident.diagnosis.rivals import Refits
 from ident.disagreement import disagreements, may_disagree
@@ -16,7 +17,6 @@ from ident.log import Log
 from ident.recording import Recording, find_recordings, with_free_clocks
 from ident.recording_words import CLOSE, SURE, Instrument, clock, plain
 from ident.restored import restored
-from ident.thinning import DENSE, thinned
 from youbot_env.effects import get_effect
 from youbot_env.measurement import HELD, HOLDS
 from youbot_env.model import Model
@@ -67,11 +67,11 @@ def _apart(records: list[Recording]) -> bool:
 
 
 def ready(record: Recording, model: Model, interval: float) -> Log:
-    """A log for a fit: its instruments undone, and thinned to an interval, s, where it is denser.
+    """A log for a fit: its instruments undone, and decimated to an interval, s, where it is denser.
 
     It states its clock, which a fit may then move, and that the rest is known.
     """
-    log = thinned(restored(record.log, model), interval)
+    log = decimated(restored(record.log, model), interval)
     undone = {
         name: {parameter.name: 0.0 for parameter in get_effect(name).parameters}
         for name in record.log.recording

@@ -11,10 +11,10 @@ from scipy.optimize import minimize_scalar
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.parts import FIT, SELECT, VERIFY, Part
 from ident.diagnosis.trials import brackets, profile
-from ident.free_values import smooth_names
 from ident.instruments import adapted, stated
 from ident.output_error import OutputError, refine
-from ident.scaled_fit import scaled_error
+from ident.parameter_space import smooth_names
+from ident.residuals import scaled_error
 from ident.scopes import parameter_scope
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect

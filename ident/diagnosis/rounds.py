@@ -21,7 +21,7 @@ from ident.diagnosis.trials import Trial, trials
 from ident.free_run import cut_windows
 from ident.log import Log
 from ident.noise_floor import noise_floor
-from ident.scaled_fit import independent
+from ident.residuals import independent
 from ident.sensitivity import Linearised, window_length
 from ident.unexplained import UNEXPLAINED
 from youbot_env.effects import get_effect

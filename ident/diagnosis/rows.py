@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.scaled_fit import settled
+from ident.residuals import settled
 from ident.sensitivity import Linearised
 
 # Averages over samples bring the rows to about this rate, Hz, faster than the robot can answer.

@@ -10,7 +10,7 @@ from scipy.special import stdtrit
 from ident.diagnosis.parts import FIT, SELECT
 from ident.diagnosis.rivals import Candidate, Refits, window_losses
 from ident.diagnosis.shortlist import LEAST_GAIN
-from ident.quantities import Quantity
+from ident.results import Quantity
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
 

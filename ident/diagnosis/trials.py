@@ -11,9 +11,9 @@ from scipy.linalg import null_space
 
 from ident.dead_reckoning import dead_reckoning
 from ident.diagnosis.orders import strongest_orders
+from ident.identifiability_words import NEGLIGIBLE
 from ident.log import Log
 from ident.restored import unknown_pose, unknown_wheel_angle
-from ident.unseen import NEGLIGIBLE
 from youbot_env.backend import NUMPY
 from youbot_env.dynamics import Theta
 from youbot_env.effects import Effect, Parameter, Signals, effect_names, get_effect

@@ -8,6 +8,7 @@ from itertools import compress
 from typing import Any
 
 from ident.comparison import Regime, compare
+from ident.decimate import SEARCHED
 from ident.diagnosis.dependence import dependences
 from ident.diagnosis.differences import with_differences
 from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
@@ -33,16 +34,15 @@ from ident.diagnosis.trials import behind_gap, untried
 from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
 from ident.disagreement import disagreements, may_judge, not_used
 from ident.doctor.finding import Finding
+from ident.identifiability import FAINT
 from ident.instruments import without_instruments, without_late
 from ident.log import Log
-from ident.observability import FAINT
 from ident.output_error import OutputError
 from ident.pooling import as_list, pooled
 from ident.recording import Recording
 from ident.recording_words import Instrument
 from ident.repeats import Repeat, repeats
-from ident.shown import Shown
-from ident.thinning import SEARCHED
+from ident.results import Shown
 from ident.threads import one_thread
 from ident.unexplained import UNEXPLAINED
 from youbot_env.effects import get_effect

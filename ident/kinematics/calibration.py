@@ -27,8 +27,7 @@ from ident.kinematics.windows import Windows, cut_windows
 from ident.kinematics.words import remarks, undetermined_words
 from ident.log import Log
 from ident.pooling import as_list
-from ident.quantities import Quantity
-from ident.shown import Shown, quantity_columns
+from ident.results import Quantity, Shown, quantity_columns
 from ident.threads import one_thread
 from youbot_env.model import Model
 from youbot_env.platform import Platform

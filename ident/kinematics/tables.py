@@ -6,7 +6,7 @@ import numpy as np
 
 from ident.kinematics.fit import Fit
 from ident.kinematics.windows import MOUNT
-from ident.quantities import Quantity
+from ident.results import Quantity
 from youbot_env.platform import Platform
 
 GAINS = ("forward", "sideways", "yaw")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ident.comparison import compare
+from ident.consistency import invisible
 from ident.diagnosis.experiment import CERTAIN
 from ident.diagnosis.power import POWER, Reach
 from ident.diagnosis.shortlist import CHANGING, LEAST_GAIN
 from ident.diagnosis.verdict import Diagnosis
 from ident.log import Log
-from ident.physical import invisible
 from ident.recording_words import in_words
 from ident.report import motion
 from ident.report.compare_words import probability

@@ -8,7 +8,6 @@ from ident.diagnosis.power import POWER, Reach
 from ident.diagnosis.shortlist import LEAST_GAIN, OVERWHELMING, SIGNIFICANT
 from ident.diagnosis.untouched import FreeRunErrors
 from ident.improvement import LUMPS
-from ident.quantities import Quantity
 from ident.report.estimates import symbol
 from ident.report.look import (
     IDENTIFIED,
@@ -20,6 +19,7 @@ from ident.report.look import (
     span,
 )
 from ident.report.outcome import percent, rounded
+from ident.results import Quantity
 
 SOFT = "#5a6069"
 ROW_HEIGHT = 0.27  # in

@@ -11,8 +11,8 @@ from ident.diagnosis.judge import inertia_is_seen
 from ident.free_run import FreeRun, free_run
 from ident.identification import Identification, equation_error
 from ident.log import Log
-from ident.quantities import Quantity, listed_names
 from ident.regression import Regression, build_regression
+from ident.results import Quantity, listed_names
 from ident.unexplained import Unexplained
 from youbot_env.model import Model
 from youbot_env.parameters import MEANING, UNITS

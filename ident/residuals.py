@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ident.angle_drift import drifted
-from ident.free_values import FreeValues
-from ident.jackknife import left_one_out
+from ident.covariance import left_one_out
 from ident.log import Log
+from ident.noise import drifted
+from ident.parameter_space import FreeValues
 from ident.pooling import MANY_RUNS
 from ident.scopes import Scopes
 from ident.sensitivity import Linearised

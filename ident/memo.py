@@ -12,7 +12,7 @@ from youbot_env.model import Model
 RECENT = 16
 
 
-class Recent:
+class Memo:
     """The results used last, by key."""
 
     def __init__(self) -> None:

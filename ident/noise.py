@@ -1,22 +1,49 @@
-"""Noise of the measured torques, and records with more of it.
+"""Noise of the measured signals: how large it is, and what it does to a fit by simulation.
 
 A simulation is driven by the measured torques, so their noise shakes it where the robot was not
 shaken.  Laws that are not linear (a dead zone, friction near standstill, a spring) answer to that
 with a mean of their own, and a fit of the simulation mistakes it for parameters.  The bias grows
 with the variance of the noise: as much noise once more shifts the estimates by as much again, which
 tells what to take back (simulation extrapolation, Cook and Stefanski 1994).
+
+Laws that read the wheel angle get the integral of the measured speeds.  Its error is a random walk
+that lasts over all windows, so no scatter between windows shows it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ident.dead_reckoning import wheel_speeds
 from ident.log import Log
-from ident.white_noise import AMPLIFIED, second_differences, spread, white_variance
+
+if TYPE_CHECKING:  # which simulates what this module knows the noise of
+    from ident.sensitivity import Linearised
+
+# White noise becomes this much larger in second differences: 1 + 4 + 1.
+AMPLIFIED = 6.0
+# Median of |x| of a normal variable in standard deviations.
+MEDIAN = 0.6745
+
+
+def second_differences(log: Log, signal: np.ndarray) -> np.ndarray:
+    """(N', k) second differences of a signal (N, k) inside the contiguous pieces of a log."""
+    return np.concatenate([np.diff(signal[a:b], 2, axis=0) for a, b in log.spans])
+
+
+def spread(values: np.ndarray) -> np.ndarray:
+    """(...) standard deviations of normal values (N, ...), robust against steps."""
+    return np.median(np.abs(values), axis=0) / MEDIAN
+
+
+def white_variance(log: Log, signal: np.ndarray) -> np.ndarray:
+    """(k,) variances of the white part of a signal (N, k)."""
+    return spread(second_differences(log, signal)) ** 2 / AMPLIFIED
+
 
 # Drawings of noise; each serves twice, with either sign, so that all but the bias cancels.
 PAIRS = 2
@@ -96,3 +123,16 @@ def _answer(torque: np.ndarray, speeds: np.ndarray) -> tuple[np.ndarray, float]:
 
 def _with_noise(log: Log, noise: np.ndarray) -> Log:
     return log if log.drive != "torque" else replace(log, wheel_torque=log.wheel_torque + noise)
+
+
+def drifted(sim: Linearised, rng: np.random.Generator) -> Linearised:
+    """The log simulated once more, with wheel angles as wrong as integrated noise makes them."""
+    if not len(sim.windows.angles):
+        return sim
+    log, speed = sim.log, wheel_speeds(sim.log)
+    noise = np.sqrt(white_variance(log, speed)) * rng.normal(size=speed.shape)
+    walk = np.cumsum(noise * np.gradient(log.time)[:, None], axis=0)
+    rows = (sim.windows.index - 1).ravel()
+    windows = replace(sim.windows, angles=sim.windows.angles + walk[rows].T)
+    after = windows.simulate(sim.model.values())
+    return replace(sim, windows=windows, states=np.concatenate([sim.states[:, :1], after], axis=1))

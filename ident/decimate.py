@@ -17,7 +17,7 @@ INPUTS = ("wheel_torque", "wheel_voltage")
 DENSE, SEARCHED = 0.01, 0.02
 
 
-def thinned(log: Log, interval: float) -> Log:
+def decimated(log: Log, interval: float) -> Log:
     """The log with means over about ``interval``, s, where its samples are denser than that.
 
     What is seen, its time included, becomes the mean of a block of samples; the drive input the

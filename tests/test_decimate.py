@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ident import diagnose
+from ident.decimate import decimated
 from ident.free_run import free_run
 from ident.log import Log
-from ident.thinning import thinned
 from youbot_env.model_file import load_model
 from youbot_env.references import SmoothRandom, calibration_sequence
 from youbot_env.simulation import IDEAL, Sensors, record_closed_loop
@@ -26,7 +26,7 @@ def record(model, motion, seconds, sensors, rate=1000.0):
 @pytest.mark.parametrize("interval", [0.01, 0.004])
 def test_means_follow_the_same_motion_without_delay(interval):
     dense = record(PAPER, SmoothRandom(0.3, 2.0), 12.0, IDEAL)
-    log = thinned(dense, interval)
+    log = decimated(dense, interval)
     assert log.dt == pytest.approx(interval)
     assert len(log.time) == 12.0 / interval
     assert log.wheel_torque.mean(axis=0) == pytest.approx(dense.wheel_torque.mean(axis=0), abs=2e-3)
@@ -36,9 +36,9 @@ def test_means_follow_the_same_motion_without_delay(interval):
 
 def test_records_that_are_not_dense_stay_as_they_are_and_gaps_stay_gaps():
     log = record(PAPER, SmoothRandom(0.3, 2.0), 4.0, Sensors())
-    assert thinned(log, 1.4e-3) is log
+    assert decimated(log, 1.4e-3) is log
     time = log.time + np.where(np.arange(4000) < 1995, 0.0, 3.0)
-    found = thinned(replace(log, time=time, starts=(0, 1995)), 0.01)
+    found = decimated(replace(log, time=time, starts=(0, 1995)), 0.01)
     assert found.starts == (0, 199)
     assert len(found.time) == 199 + 200
     assert found.time[199] - found.time[198] > 3.0

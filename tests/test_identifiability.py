@@ -7,7 +7,7 @@ import pytest
 
 from ident.identification import identify
 from ident.log import Log
-from ident.quantities import UNSEEN
+from ident.results import UNSEEN
 from youbot_env.model_file import load_model
 from youbot_env.recording import record_motion, write_table
 from youbot_env.references import make_reference

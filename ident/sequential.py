@@ -19,8 +19,7 @@ from ident.estimators import (
     least_squares,
     reference_motion,
 )
-from ident.log import Log
-from ident.observability import (
+from ident.identifiability import (
     X_NAMES,
     blind_directions,
     column_noise,
@@ -28,6 +27,7 @@ from ident.observability import (
     parameter_sizes,
     scaled_energy,
 )
+from ident.log import Log
 from ident.regression import Regression, build_regression
 from youbot_env.model import Model
 

@@ -1,22 +1,18 @@
-"""What a motion or a log can tell about a robot, before anything is fitted.
-
-Everything is read off the Gramian ``W = int H'H dt`` of the regression ``y = H x`` in the paper's
-coordinates x1..x7 (eq. 7): directions without a trace, directions with a faint one, how far
-parameters inflate each other's variance, and which blocks of parameters are independent.
-"""
+"""Which combinations of parameters a motion or a log determines, and estimation within those."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import eigh, null_space
+from scipy.linalg import eigh, null_space, orth
 from scipy.sparse.csgraph import connected_components
 
+from ident.estimators import Estimate
+from ident.identifiability_words import describe_motion, null_words, weak_words
 from ident.motion_columns import effect_columns, motion_columns
 from ident.recursive import sample_times
 from ident.regression import Regression, linear_names
-from ident.unseen import describe_motion, null_words, weak_words
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 from youbot_env.parameters import x_scale
@@ -266,3 +262,67 @@ def echelon(directions: np.ndarray) -> np.ndarray:
 def _dead(gramian: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """(P,) whether a column shows nothing but noise or rounding."""
     return np.diag(gramian) <= ABOVE_NOISE * (np.diag(noise) + LEAST)
+
+
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The affine space ``start + basis @ b`` in which an estimate is looked for.
+
+    Attributes:
+        names: (P,) of the regression's parameters.
+        start: (P,) prior values.
+        sizes: (P,) what one unit of each coordinate is worth.
+        basis: (P, k) directions that are seen.
+        null: (P - k, P) directions that are not.
+        held: names of parameters that are held at a bound.
+    """
+
+    names: tuple[str, ...]
+    start: np.ndarray
+    sizes: np.ndarray
+    basis: np.ndarray
+    null: np.ndarray
+    held: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, observability: Observability, regression: Regression, start: np.ndarray, model: Model
+    ) -> Seen:
+        """Take the directions from an analysis of the regression; model gives the sizes."""
+        names = regression.names
+        scale = coordinate_factors(names, model)
+        sizes, null = parameter_sizes(names, model), observability.null / scale
+        free = np.eye(len(names))
+        if regression.allowed is not None:
+            free = orth(regression.allowed / sizes[:, None])
+        # Null directions that are not allowed anyway leave rounding only.
+        blind = null / sizes
+        blind /= np.linalg.norm(blind, axis=1, keepdims=True)
+        _, strength, right = np.linalg.svd(blind @ free)
+        seen = free @ right[np.count_nonzero(strength > ROUNDING) :].T
+        return cls(names, start, sizes, sizes[:, None] * seen, null)
+
+    def reduce(self, regression: Regression) -> Regression:
+        """Rows whose unknowns are the coordinates b."""
+        y = regression.y - regression.H @ self.start
+        names = tuple(f"b{k}" for k in range(self.basis.shape[1]))
+        return replace(regression, names=names, H=regression.H @ self.basis, y=y, allowed=None)
+
+    def restore(self, estimate: Estimate) -> Estimate:
+        """Turn an estimate of b into one of the parameters."""
+        return replace(
+            estimate,
+            names=self.names,
+            values=self.start + self.basis @ estimate.values,
+            covariance=self.basis @ estimate.covariance @ self.basis.T,
+            undetermined=orth((self.null / self.sizes).T) if len(self.null) else self.null.T,
+            scale=1.0 / self.sizes,
+        )
+
+    def determines(self, weights: np.ndarray) -> bool:
+        """Whether the logs alone fix ``weights @ parameters`` (P,)."""
+        moved = np.abs(self.null @ weights)
+        return bool(np.all(moved <= SMALL * np.abs(self.null * weights).sum(axis=1)))
