@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from ident.diagnosis.parts import FIT, Part
-from ident.diagnosis.verdict import Diagnosis, diagnose
+from ident.diagnosis.diagnose import Diagnosis, diagnose
+from ident.diagnosis.splits import FIT, Part
 from ident.identifiability import SMALL, Seen, parameter_sizes
 from ident.log import Log
 from ident.parameter_space import free_directions

@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from ident import diagnose
-from ident.diagnosis.parts import VERIFY
-from ident.diagnosis.untouched import FreeRunErrors
+from ident.diagnosis.holdout import FreeRunErrors
+from ident.diagnosis.splits import VERIFY
 from ident.free_run import free_run
 from ident.log import Log
 from ident.report.diagnose import diagnosis_page, odds
@@ -66,7 +66,7 @@ def test_verdict_and_every_effect_are_on_the_page(found, page):
     assert found.verdict in ("named", "ambiguous")
     assert page.good == (found.verdict == "named")
     assert found.reason.split("%")[0].strip() in words.replace("\u00a0", " ")
-    assert all(one.effect in words for one in found.reach)
+    assert all(one.effect in words for one in found.minimum_detectable)
     quantity = found.steps[0].sizes(found.model)["fc"]
     assert rounded(quantity.value, quantity.se) in words
     assert all(value in words for value in PROVENANCE.values())

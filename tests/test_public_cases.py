@@ -12,7 +12,7 @@ from spoiled_logs import C, M, P, R, V, good_frame, put, scale
 from test_doctor import difference, load, warnings
 from test_frames import BODY, with_body
 
-from ident.diagnosis.fitness import unfit
+from ident.diagnosis.excitation import unfit
 from ident.doctor import LogError
 from ident.doctor.finding import NAMES
 from ident.doctor.hand import other_hand

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ident.diagnosis.verdict import Diagnosis, diagnose
+from ident.diagnosis.diagnose import Diagnosis, diagnose
 from ident.disagreement import with_disagreements
 from ident.recording_words import in_words
 from ident.report.diagnose import UNTRIED, diagnosis_page, untried_lines
@@ -85,7 +85,7 @@ def show(found: Diagnosis) -> None:
     tried = [
         (r.effect, f"{r.p:.3f}", f"{100 * r.gain:.1f}", f"{r.parameter}={r.size:.3g}", r.unit,
          "-" if r.smallest is None else f"{r.smallest:.3g}", f"{100 * r.power:.0f}")
-        for r in found.reach[:SHOWN]
+        for r in found.minimum_detectable[:SHOWN]
     ]  # fmt: skip
     if tried:
         console.table(

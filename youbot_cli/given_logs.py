@@ -12,7 +12,7 @@ from typing import Annotated, get_type_hints
 
 import typer
 
-from ident.diagnosis.fitness import LEAST_SECONDS
+from ident.diagnosis.excitation import LEAST_SECONDS
 from ident.doctor import LogError
 from ident.doctor.finding import Finding
 from ident.loaders import find_loader

@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ident.diagnosis.parts import judges
-from ident.diagnosis.rivals import Refits
-from ident.diagnosis.steps import without
+from ident.diagnosis.refit import Refits, without
+from ident.diagnosis.splits import judges
 from ident.log import Log
 from ident.regression import Regression, build_regression, linear_names
 from ident.sensitivity import Linearised

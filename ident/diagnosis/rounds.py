@@ -10,13 +10,12 @@ import numpy as np
 from scipy import stats
 
 from ident.contradiction import rolling_variance, wheels_agree
-from ident.diagnosis.dependence import Dependence
-from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.forces import feigned
-from ident.diagnosis.pairs import best_pair
-from ident.diagnosis.parts import FIT, SELECT, Part, by_axis, judges
-from ident.diagnosis.rivals import Candidate, beside, candidate, ranked, window_losses
-from ident.diagnosis.shortlist import LEAST_GAIN, SIGNIFICANT, Shortlist, gain_of
+from ident.diagnosis.lack_of_fit import Dependence
+from ident.diagnosis.refit import Candidate, beside, candidate, ranked, window_losses
+from ident.diagnosis.score_table import ScoreTable
+from ident.diagnosis.screening import LEAST_GAIN, SIGNIFICANT, Shortlist, best_pair, gain_of
+from ident.diagnosis.splits import FIT, SELECT, Part, by_axis, judges
 from ident.diagnosis.trials import Trial, trials
 from ident.free_run import cut_windows
 from ident.log import Log
@@ -47,7 +46,7 @@ class Round:
         parts: the logs.
         judged: the same, weighed so that gains on one axis count whatever is left on the others.
         simulations: each simulated with the model.
-        evidence: about every trial.
+        table: about every trial.
         generic: dependences that compete with them.
         gains, p: of each.
         origin: mean squared scaled error, with what every robot has explained, of which an effect
@@ -60,7 +59,7 @@ class Round:
     parts: list[Part]
     judged: list[Part]
     simulations: tuple[Linearised, ...]
-    evidence: Evidence
+    table: ScoreTable
     generic: list[Dependence]
     gains: np.ndarray
     p: np.ndarray
@@ -84,15 +83,15 @@ class Round:
         model, logs = simulations[0].model, [part.log for part in parts]
         with np.errstate(all="ignore"):
             judged = by_axis(parts, simulations)
-            evidence = Evidence.of(judged, list(simulations), trials(model, logs), [])
-        gains = np.array([gain_of(evidence, k) for k in range(len(evidence.columns))])
+            table = ScoreTable.of(judged, list(simulations), trials(model, logs), [])
+        gains = np.array([gain_of(table, k) for k in range(len(table.columns))])
         weights = parts[0].weights
         noise = noise_floor(simulations[0]).of(weights)
-        p = evidence.p_values(seed)[1]
+        p = table.p_values(seed)[1]
         loss = window_losses(parts, simulations)
-        error = float(loss[evidence.role == FIT].mean())
+        error = float(loss[table.role == FIT].mean())
         rolling = float(np.mean(rolling_variance(parts[0].log) * weights**2))
-        return cls(parts, judged, simulations, evidence, generic, gains, p, noise, rolling, loss,
+        return cls(parts, judged, simulations, table, generic, gains, p, noise, rolling, loss,
                    origin or error, unexplained or error)  # fmt: skip
 
     @cached_property
@@ -105,7 +104,7 @@ class Round:
         """The trials, judged."""
         # What rollers leave within a turn is gone from the means that forces are judged by.
         agree = self.wheels_agree or self.parts[0].log.window is not None
-        return Shortlist(self.evidence, self.gains, self.p, self.error, self.noise, self.origin,
+        return Shortlist(self.table, self.gains, self.p, self.error, self.noise, self.origin,
                          agree)  # fmt: skip
 
     @property
@@ -125,7 +124,7 @@ class Round:
             motion = part.log.velocity() / part.log.velocity().std(axis=0)
             drive = part.log.command / part.log.command.std()
             squares += [[np.mean(x[rows] ** 2) for x in (motion, drive)] for rows in index]
-        fitted = self.evidence.role == FIT
+        fitted = self.table.role == FIT
         loss, squares = self.loss[fitted], np.array(squares)[fitted]
         chances = [stats.spearmanr(loss, column).pvalue for column in squares.T]
         return bool(min(chances) > STEADY and loss.std() < loss.mean())
@@ -133,7 +132,7 @@ class Round:
     @property
     def model(self) -> Model:
         """The model of this round."""
-        return self.evidence.model
+        return self.table.model
 
     @property
     def floor(self) -> float:
@@ -143,7 +142,7 @@ class Round:
     @property
     def error(self) -> float:
         """Mean squared scaled error of the fitted windows."""
-        return float(self.loss[self.evidence.role == FIT].mean())
+        return float(self.loss[self.table.role == FIT].mean())
 
     @property
     def excess(self) -> float:
@@ -152,7 +151,7 @@ class Round:
 
     def trial(self, number: int) -> Trial:
         """The trial of a number."""
-        return self.evidence.trials[number]
+        return self.table.trials[number]
 
     def choose(self, present: Candidate | None = None) -> list[Candidate]:
         """The group that fits best, refined; empty where nothing passes.
@@ -160,14 +159,14 @@ class Round:
         Args:
             present: an effect that was chosen before and has to be beaten.
         """
-        found = [candidate(self.parts, self.evidence, k) for k in self.shortlist.worth_refining()]
+        found = [candidate(self.parts, self.table, k) for k in self.shortlist.worth_refining()]
         found = [c for c in found if c is not None and self.helps(c)]
         if present is not None and present.identifier not in {c.identifier for c in found}:
             found.append(present)
         if not found:
             return []
         losses = [self._judge(c) for c in found]
-        return ranked(found, losses, self.evidence.role, self._before, self._independent)
+        return ranked(found, losses, self.table.role, self._before, self._independent)
 
     @cached_property
     def _before(self) -> np.ndarray:
@@ -197,7 +196,7 @@ class Round:
             return None
         if left < REMAINDER * self.excess:
             return None
-        return best_pair(self.evidence, self._gain_of(group[0]) if group else 0.0)
+        return best_pair(self.table, self._gain_of(group[0]) if group else 0.0)
 
     def _left(self, group: list[Candidate]) -> float:
         """Excess that the best of a group leaves."""
@@ -221,9 +220,9 @@ class Round:
     def _general(self) -> tuple[np.ndarray, np.ndarray]:
         """Gain and p value of every dependence; made only where somebody asks."""
         with np.errstate(all="ignore"):
-            evidence = Evidence.of(self.parts, list(self.simulations), [], self.generic)
-        gains = np.array([evidence.gain(k) for k in range(len(self.generic))])
-        return gains, evidence.p_values()[0]
+            table = ScoreTable.of(self.parts, list(self.simulations), [], self.generic)
+        gains = np.array([table.gain(k) for k in range(len(self.generic))])
+        return gains, table.p_values()[0]
 
     def outside(self, best: Candidate | None) -> bool:
         """Tell whether a generic dependence explains the logs far better than the best effect."""
@@ -254,9 +253,9 @@ class Round:
         Returns:
             None, one, or two, the second refined beside the first.
         """
-        if not np.any(self.evidence.role == SELECT) or self.excess < UNEXPLAINED * self.floor:
+        if not np.any(self.table.role == SELECT) or self.excess < UNEXPLAINED * self.floor:
             return []
-        tried = [candidate(self.parts, self.evidence, k) for k in self.shortlist.hopeful()]
+        tried = [candidate(self.parts, self.table, k) for k in self.shortlist.hopeful()]
         alone = [c for c in tried if c is not None and self.helps(c)]
         gains = {c.identifier: self._gains_of(c) for c in alone}
         alone.sort(key=lambda c: -gains[c.identifier][-1])
@@ -277,7 +276,7 @@ class Round:
 
     def _gains_of(self, found: Candidate) -> list[float]:
         """Shares of squared error that a refined effect removes, of every kind of window."""
-        now, before, roles = self._judge(found), self._before, self.evidence.role
+        now, before, roles = self._judge(found), self._before, self.table.role
         asked = np.repeat(self._asked(found), [len(part.role) for part in self.parts])
         kinds = [(roles == role) & asked for role in (FIT, SELECT)]
         return [1.0 - float(now[k].mean() / before[k].mean()) for k in kinds if k.any()]

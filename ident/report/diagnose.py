@@ -6,10 +6,10 @@ import numpy as np
 
 from ident.comparison import compare
 from ident.consistency import invisible
-from ident.diagnosis.experiment import CERTAIN
-from ident.diagnosis.power import POWER, Reach
-from ident.diagnosis.shortlist import CHANGING, LEAST_GAIN
-from ident.diagnosis.verdict import Diagnosis
+from ident.diagnosis.diagnose import Diagnosis
+from ident.diagnosis.experiments import CERTAIN
+from ident.diagnosis.minimum_detectable import POWER, MinimumDetectable
+from ident.diagnosis.screening import CHANGING, LEAST_GAIN
 from ident.log import Log
 from ident.recording_words import in_words
 from ident.report import motion
@@ -59,7 +59,7 @@ def lead(found: Diagnosis) -> str:
         return f"{found.log}: nothing was fitted, and nothing is named."
     used = sum(part.log.duration for part in found.first.parts)
     return (
-        f"{found.log}: {len(found.reach)} effects were tried on {used:.0f} s of motion. An effect "
+        f"{found.log}: {len(found.minimum_detectable)} effects were tried on {used:.0f} s of motion. An effect "
         f"counts when it is significant among all that were tried and removes more than "
         f"{100 * LEAST_GAIN:.0f} % of the squared free-run error of stretches to which it was not "
         f"fitted; what changes with time {100 * CHANGING:.0f} % of that to which it was. "
@@ -138,20 +138,20 @@ def _tried(found: Diagnosis) -> Section:
     rows = [
         (r.effect, r.parameter, _figure(r.size, r), " ... ".join(_figure(v, r) for v in r.ci95),
          r.unit or "-", f"{100 * r.gain:.1f}", probability(r.p))
-        for r in sorted(found.reach, key=lambda one: -one.gain)
+        for r in sorted(found.minimum_detectable, key=lambda one: -one.gain)
     ]  # fmt: skip
     table = (
         "Sizes before anything else is added: effects that stand in for a missing one take its "
         "place here. Gain: share of squared error removed where it was not fitted."
     )
     blocks = [
-        Picture("effects", gains_figure(found.reach, named), caption),
+        Picture("effects", gains_figure(found.minimum_detectable, named), caption),
         Grid(head, rows, table, words=(0, 1, 4)),
     ]
     return Section("Every effect that was tried", blocks)
 
 
-def _figure(value: float, one: Reach) -> str:
+def _figure(value: float, one: MinimumDetectable) -> str:
     return rounded(value, max((one.ci95[1] - one.ci95[0]) / 4, 1e-12))
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ident.comparison import Comparison
-from ident.diagnosis.parts import VERIFY, Part
-from ident.diagnosis.shortlist import LEAST_GAIN
-from ident.diagnosis.verdict import Diagnosis
+from ident.diagnosis.diagnose import Diagnosis
+from ident.diagnosis.screening import LEAST_GAIN
+from ident.diagnosis.splits import VERIFY, Part
 from ident.free_run import FreeRun, free_run
 from ident.report import compare_where, motion
 from ident.report.compare_words import WHERE_HEAD, where_rows

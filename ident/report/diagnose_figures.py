@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.diagnosis.power import POWER, Reach
-from ident.diagnosis.shortlist import LEAST_GAIN, OVERWHELMING, SIGNIFICANT
-from ident.diagnosis.untouched import FreeRunErrors
+from ident.diagnosis.holdout import FreeRunErrors
+from ident.diagnosis.minimum_detectable import POWER, MinimumDetectable
+from ident.diagnosis.screening import LEAST_GAIN, OVERWHELMING, SIGNIFICANT
 from ident.improvement import LUMPS
 from ident.report.estimates import symbol
 from ident.report.look import (
@@ -31,19 +31,21 @@ LOWEST = -0.15
 AXES = (("$V_X$", "m/s"), ("$V_Y$", "m/s"), ("$\\Omega$", "rad/s"))
 
 
-def gains_figure(reach: tuple[Reach, ...], named: tuple[str, ...]) -> bytes:
+def gains_figure(detectable: tuple[MinimumDetectable, ...], named: tuple[str, ...]) -> bytes:
     """Share of the squared error that each effect removes where it was not fitted.
 
     Args:
-        reach: every effect that was tried.
+        detectable: every effect that was tried.
         named: identifiers of those that were added.
     """
-    shown = sorted(reach, key=lambda one: -one.gain)
+    shown = sorted(detectable, key=lambda one: -one.gain)
     height = 1.25 + ROW_HEIGHT * len(shown)
     return figure(height)(_draw_gains)(shown, named, height)
 
 
-def _draw_gains(canvas, shown: list[Reach], named: tuple[str, ...], height: float) -> None:
+def _draw_gains(
+    canvas, shown: list[MinimumDetectable], named: tuple[str, ...], height: float
+) -> None:
     from matplotlib.lines import Line2D
 
     axis = canvas.add_axes((0.2, 0.55 / height, 0.43, 1 - 1.25 / height))

@@ -21,7 +21,7 @@ def dependence_figure(comparison: Comparison, signals: list[str]) -> bytes | Non
 
     Args:
         comparison: of the model with everything that was added.
-        signals: names of ``ident.diagnosis.dependence``.
+        signals: names of ``ident.diagnosis.lack_of_fit``.
 
     Returns:
         None where the log has none of the signals.

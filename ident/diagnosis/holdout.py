@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from ident.contradiction import wheels_agree
-from ident.diagnosis.parts import FEWEST, VERIFY, Part
-from ident.diagnosis.rivals import Refits
+from ident.diagnosis.refit import Refits, without
 from ident.diagnosis.rounds import CLEAR
-from ident.diagnosis.shortlist import LEAST_GAIN
-from ident.diagnosis.steps import Step, with_steps, without
+from ident.diagnosis.screening import LEAST_GAIN
+from ident.diagnosis.selection import Step, with_steps
+from ident.diagnosis.splits import FEWEST, VERIFY, Part
 from ident.drive_noise import NO_NOISE, LastingNoise, lasting_noise
 from ident.free_run import free_run
 from ident.noise_floor import velocity_floor

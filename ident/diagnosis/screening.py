@@ -1,4 +1,4 @@
-"""Which of the trials pass, and which of them are worth refining."""
+"""Which of the trials, alone or two at once, pass, and which of them are worth refining."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.diagnosis.evidence import Evidence
+from ident.diagnosis.score_table import ScoreTable
 from ident.diagnosis.trials import Trial
 
 # Share of the squared free-run error that an effect must remove where it was not fitted.  Robots
@@ -44,7 +44,7 @@ class Shortlist:
     """Trials judged by what they gain.
 
     Attributes:
-        evidence: about every trial.
+        table: about every trial.
         gains, p: of each.
         error: mean squared scaled error of the fitted windows.
         floor: what noise explains of it.
@@ -52,7 +52,7 @@ class Shortlist:
         wheels_agree: whether the wheels rule out that rollers and slip leave an error.
     """
 
-    evidence: Evidence
+    table: ScoreTable
     gains: np.ndarray
     p: np.ndarray
     error: float
@@ -83,12 +83,12 @@ class Shortlist:
         found = self._best_forms(passing)
         if not found:
             return []
-        explained = self.evidence.explained
+        explained = self.table.explained
         least = AS_WELL * explained(found[0])
         known = {self.trial(k).identifier for k in found}
         rivals = [
             k
-            for k in range(len(self.evidence.trials))
+            for k in range(len(self.table.trials))
             if self.trial(k).identifier not in known
             and explained(k) > least
             and (self._sure(k) or self._gained(k))
@@ -100,7 +100,7 @@ class Shortlist:
 
     def hopeful(self) -> list[int]:
         """Trials that may pass when refined though their linear traces do not; best forms."""
-        explained = self.evidence.explained
+        explained = self.table.explained
         found = [
             k
             for k in self._admissible()
@@ -124,7 +124,7 @@ class Shortlist:
         rollers may feign it.  Otherwise the gain elsewhere counts, unless one fits incomparably
         better.
         """
-        left = [1.0 - self.evidence.explained(k) for k in (number, old)]
+        left = [1.0 - self.table.explained(k) for k in (number, old)]
         split = self.trial(number).per_wheel - self.trial(old).per_wheel
         if (self.wheels_agree and not split) or min(left) < INCOMPARABLY * max(left):
             return left[0] < left[1]
@@ -133,7 +133,7 @@ class Shortlist:
     def _credible(self, number: int) -> bool:
         """Tell whether a trial is large enough for what would still be unexplained with it."""
         unexplained = self.error - self.floor
-        left = (1.0 - self.evidence.explained(number)) * self.error - self.floor
+        left = (1.0 - self.table.explained(number)) * self.error - self.floor
         if left <= PREVAILING * unexplained:
             return True
         return self._relative_size(number) >= SIZEABLE
@@ -141,7 +141,7 @@ class Shortlist:
     def _relative_size(self, number: int) -> float:
         """Largest estimated size of a trial in units of the typical one."""
         trial = self.trial(number)
-        values = trial.values(self.evidence.coefficients(number))
+        values = trial.values(self.table.coefficients(number))
         return max(
             abs(value / trial.effect.parameter_of(name).default)
             for name, value in values.items()
@@ -150,16 +150,16 @@ class Shortlist:
 
     def _admissible(self) -> list[int]:
         """Trials that are significant with sizes that are possible."""
-        return [k for k in range(len(self.evidence.trials)) if self._sure(k) and self._possible(k)]
+        return [k for k in range(len(self.table.trials)) if self._sure(k) and self._possible(k)]
 
     def _sure(self, number: int) -> bool:
         gain = self.gains[number]
         if self.p[number] < SIGNIFICANT or gain > OVERWHELMING:
             return True
-        return bool(gain > SOME and self.evidence.explained(number) > ALL)
+        return bool(gain > SOME and self.table.explained(number) > ALL)
 
     def _possible(self, number: int) -> bool:
-        return self.trial(number).possible(self.evidence.coefficients(number), SLACK)
+        return self.trial(number).possible(self.table.coefficients(number), SLACK)
 
     def enough(self, gain: float, least: float = LEAST_GAIN) -> bool:
         """Tell whether a gain is enough: of what is left, or of all where rollers may feign it."""
@@ -174,16 +174,82 @@ class Shortlist:
 
     def trial(self, number: int) -> Trial:
         """The trial of a number."""
-        return self.evidence.trials[number]
+        return self.table.trials[number]
 
 
-def gain_of(evidence: Evidence, number: int) -> float:
+def gain_of(table: ScoreTable, number: int) -> float:
     """Share of the squared error that a trial removes where it was not fitted.
 
     Of what changes with time see ``CHANGING``.
     """
-    gain = evidence.gain(number)
-    if not evidence.trials[number].effect.needs_time:
+    gain = table.gain(number)
+    if not table.trials[number].effect.needs_time:
         return gain
-    explained = evidence.explained(number)
+    explained = table.explained(number)
     return max(gain, explained) if explained > CHANGING else gain
+
+
+# A pair must leave at most this share of what the best single effect leaves where it was not
+# fitted, and neither half may be able to do without the other.
+CLEARLY = 0.5
+# Forms of each effect that are paired, and pairs that are judged where they were not fitted.
+FORMS, JUDGED = 2, 40
+# Squared error that one more coefficient must remove, as a share of what is left.
+PRICE = 0.02
+
+
+def best_pair(table: ScoreTable, alone: float) -> tuple[int, int] | None:
+    """The two trials that explain the logs far better than any one.
+
+    Args:
+        table: about all trials.
+        alone: share of the squared error that the best single effect removes where it was not
+            fitted, 0 where none does.
+
+    Returns:
+        Trials, the one first that explains more by itself; None where no pair is that good.
+    """
+    found, best, judged = None, alone, set()
+    for first, second in _promising(table):
+        pair = frozenset((table.trials[first].identifier, table.trials[second].identifier))
+        if len(judged | {pair}) > JUDGED:
+            break
+        judged.add(pair)
+        gain = table.gain(second, beside=first)
+        if gain > best and _sensible(table, first, second):
+            found, best = (first, second), gain
+    if found is None or 1.0 - best > CLEARLY * (1.0 - alone):
+        return None
+    return tuple(sorted(found, key=lambda k: -table.explained(k)))
+
+
+def _promising(table: ScoreTable) -> list[tuple[int, int]]:
+    """Pairs of trials by what they explain together where they are fitted, best first."""
+    count = len(table.trials)
+    alone = np.array([table.explained(k) for k in range(count)])
+    sizes = np.array([len(columns) for columns in table.columns[:count]])
+    starts, seen = [], {}
+    for k in np.argsort(-alone):
+        name = table.trials[k].identifier
+        seen[name] = seen.get(name, 0) + 1
+        if seen[name] <= FORMS and not table.trials[k].effect.background:
+            starts.append(int(k))
+    pairs = []
+    for first in starts:
+        effect = table.trials[first].identifier
+        for second in range(count):
+            trial = table.trials[second]
+            if trial.identifier == effect or trial.effect.background:
+                continue
+            # Coefficients that must stay near one are those of the second.
+            if trial.linear <= table.trials[first].linear:
+                left = 1.0 - table.explained(second, beside=first)
+                pairs.append((left * (1 + PRICE * (sizes[first] + sizes[second])), first, second))
+    return [(first, second) for _, first, second in sorted(pairs)]
+
+
+def _sensible(table: ScoreTable, *pair: int) -> bool:
+    return all(
+        table.trials[one].possible(table.coefficients(one, beside=other), SLACK)
+        for one, other in (pair, pair[::-1])
+    )

@@ -8,8 +8,8 @@ import numpy as np
 from scipy import stats
 from scipy.optimize import minimize_scalar
 
-from ident.diagnosis.evidence import Evidence
-from ident.diagnosis.parts import FIT, SELECT, VERIFY, Part
+from ident.diagnosis.score_table import ScoreTable
+from ident.diagnosis.splits import FIT, SELECT, VERIFY, Part
 from ident.diagnosis.trials import brackets, profile
 from ident.instruments import adapted, stated
 from ident.output_error import OutputError, refine
@@ -252,13 +252,13 @@ def _squared(parts: list[Part], model: Model) -> float:
     return total
 
 
-def candidate(parts: list[Part], evidence: Evidence, number: int) -> Candidate | None:
+def candidate(parts: list[Part], table: ScoreTable, number: int) -> Candidate | None:
     """Refine a trial; None where its sizes make no sense together."""
-    trial = evidence.trials[number]
+    trial = table.trials[number]
     with np.errstate(all="ignore"):
         # A linear step of everything may go too far where a robot is far from linear.
-        sizes, present = evidence.coefficients(number), np.array(evidence.model.values())
-        starts = [trial.start(sizes, v) for v in (evidence.base_values(number), present)]
+        sizes, present = table.coefficients(number), np.array(table.model.values())
+        starts = [trial.start(sizes, v) for v in (table.base_values(number), present)]
         refined, simulations = refit(parts, starts, tolerance=ROUGH)
         located = _located(parts, refined.model)
         if located is not None:
@@ -346,3 +346,8 @@ def _alike(
         if chance > CHANCE or (found[k].late and kept[0].late and gap.mean() < feigned):
             kept.append(found[k])
     return kept
+
+
+def without(model: Model, identifier: str) -> Model:
+    """The model less one effect."""
+    return replace(model, effects=tuple(a for a in model.effects if a.identifier != identifier))

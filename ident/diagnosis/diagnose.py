@@ -9,29 +9,28 @@ from typing import Any
 
 from ident.comparison import Regime, compare
 from ident.decimate import SEARCHED
-from ident.diagnosis.dependence import dependences
-from ident.diagnosis.differences import with_differences
-from ident.diagnosis.experiment import CALIBRATION, Experiment, separating
-from ident.diagnosis.fitness import unfit
+from ident.diagnosis.excitation import unfit
+from ident.diagnosis.experiments import CALIBRATION, Experiment, separating
 from ident.diagnosis.forces import ForceShare, confirmations
+from ident.diagnosis.holdout import FreeRunErrors, confirmed, free_run_errors
 from ident.diagnosis.judge import inertia_is_seen, judged_by_force
-from ident.diagnosis.parts import divide, weigh
-from ident.diagnosis.power import Reach, reach
+from ident.diagnosis.lack_of_fit import dependences
+from ident.diagnosis.minimum_detectable import MinimumDetectable, minimum_detectable
 from ident.diagnosis.records import (
     freed,
     of_other_robots,
     ready,
     recordings,
     told,
+    with_differences,
     with_unknown_hold,
 )
-from ident.diagnosis.rivals import Refits, refit
+from ident.diagnosis.refit import Refits, refit
 from ident.diagnosis.rounds import REMAINDER, Round
-from ident.diagnosis.search import Search, search
-from ident.diagnosis.shortlist import LEAST_GAIN
-from ident.diagnosis.steps import Step, chain_of, with_steps
+from ident.diagnosis.screening import LEAST_GAIN
+from ident.diagnosis.selection import Search, Step, chain_of, search, with_steps
+from ident.diagnosis.splits import divide, weigh
 from ident.diagnosis.trials import behind_gap, untried
-from ident.diagnosis.untouched import FreeRunErrors, confirmed, free_run_errors
 from ident.disagreement import disagreements, may_judge, not_used
 from ident.doctor.finding import Finding
 from ident.identifiability import FAINT
@@ -67,7 +66,7 @@ class Diagnosis(Shown):
         steps: effects in the order of their importance, background last.
         model: base and effects, refined, with covariance.
         base: the model without the effects, refined.
-        reach: what the log would have shown of every effect.
+        minimum_detectable: what the log would have shown of every effect.
         depends_on: signals that the remaining error depends on, strongest first.
         errors: free-run errors of base, of every step and of the model on untouched windows.
         first, last: the first and the last round; None where the log decides nothing.
@@ -88,7 +87,7 @@ class Diagnosis(Shown):
     steps: tuple[Step, ...]
     model: Model
     base: Model
-    reach: tuple[Reach, ...] = ()
+    minimum_detectable: tuple[MinimumDetectable, ...] = ()
     depends_on: tuple[tuple[str, float], ...] = ()
     errors: FreeRunErrors | None = None
     first: Round | None = None
@@ -162,7 +161,7 @@ class Diagnosis(Shown):
                 for step in self.named
             ],
             "recording": [one.as_dict() for one in self.recording],
-            "candidates": [one.as_dict() for one in self.reach],
+            "candidates": [one.as_dict() for one in self.minimum_detectable],
             "untried": self.untried,
             "repeats": [one.as_dict() for one in self.repeats],
             "where": [regime.as_dict() for regime in self.where()],
@@ -262,7 +261,7 @@ def diagnose(
         base=without_instruments(chain[0][1]),
         recording=recording,
         untried=untried(first.model, first.logs),
-        reach=reach(first),
+        minimum_detectable=minimum_detectable(first),
         depends_on=tuple(now.dependences()),
         errors=errors,
         first=first,

@@ -9,14 +9,14 @@ import numpy as np
 from scipy import stats
 
 from ident.diagnosis.rounds import Round
-from ident.diagnosis.shortlist import LEAST_GAIN, SIGNIFICANT
+from ident.diagnosis.screening import LEAST_GAIN, SIGNIFICANT
 
 # Power at which a size counts as detectable.
 POWER = 0.8
 
 
 @dataclass(frozen=True)
-class Reach:
+class MinimumDetectable:
     """One effect against one log, on top of the base model.
 
     Attributes:
@@ -56,10 +56,10 @@ class Reach:
         }
 
 
-def reach(found: Round) -> tuple[Reach, ...]:
+def minimum_detectable(found: Round) -> tuple[MinimumDetectable, ...]:
     """Every effect that was tried, in its best form, the most significant first."""
     best: dict[str, int] = {}
-    for k, trial in enumerate(found.evidence.trials):
+    for k, trial in enumerate(found.table.trials):
         old = best.get(trial.identifier)
         if old is None or found.gains[k] > found.gains[old]:
             best[trial.identifier] = k
@@ -67,9 +67,9 @@ def reach(found: Round) -> tuple[Reach, ...]:
     return tuple(sorted((one for one in every if one is not None), key=lambda r: (r.p, -r.gain)))
 
 
-def _of(found: Round, number: int) -> Reach | None:
-    evidence, trial = found.evidence, found.trial(number)
-    coefficients, scatter = evidence.coefficients(number), evidence.scatter(number)
+def _of(found: Round, number: int) -> MinimumDetectable | None:
+    table, trial = found.table, found.trial(number)
+    coefficients, scatter = table.coefficients(number), table.scatter(number)
     mixed = trial.mix * trial.units[:, None]
     values = mixed @ coefficients
     errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", mixed, scatter, mixed), 0.0))
@@ -77,17 +77,17 @@ def _of(found: Round, number: int) -> Reach | None:
         return None
     # Of several parameters the one that shows most.
     k = int(np.argmax(np.abs(values) / np.where(errors > 0, errors, np.inf)))
-    windows = len(evidence.scores)
+    windows = len(table.scores)
     sure = float(stats.t.ppf(0.975, windows - 1))
     threshold = float(stats.t.isf(SIGNIFICANT / 2 / max(len(found.gains), 1), windows - 1))
     parameter = trial.effect.parameter_of(trial.names[k])
     typical = abs(parameter.default) or 1.0
-    strength = evidence.strength(number, mixed[k])
+    strength = table.strength(number, mixed[k])
     needed = np.sqrt(LEAST_GAIN / (1 - LEAST_GAIN) / strength) if strength > 0 else np.inf
     half = stats.norm.ppf(POWER)
     smallest = max((threshold + half) * errors[k], needed)
     power = float(stats.norm.cdf((typical / smallest - 1.0) * (threshold + half) + half))
-    return Reach(
+    return MinimumDetectable(
         effect=trial.identifier,
         parameter=trial.names[k],
         unit=parameter.unit,
