@@ -14,9 +14,8 @@ from ident.diagnosis.splits import VERIFY
 from ident.free_run import free_run
 from ident.log import Log
 from ident.report.diagnose import diagnosis_page, odds
-from ident.report.diagnose_error import FALLING, untouched
+from ident.report.diagnose_error import FALLING, since_reversal, strongest_period, untouched
 from ident.report.diagnose_figures import error_steps_figure
-from ident.report.diagnose_left import since_reversal, strongest_period
 from ident.report.look import IDENTIFIED, NOMINAL
 from ident.report.outcome import rounded
 from ident.sensitivity import window_length

@@ -24,9 +24,9 @@ OPTIONS = {"mapping", "kt", "gear", "platform", "lever", "recording", "accept"}
 @pytest.fixture
 def given(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    from youbot_cli import given_logs
+    from youbot_cli import log_options
 
-    return given_logs
+    return log_options
 
 
 @pytest.fixture

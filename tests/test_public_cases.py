@@ -15,7 +15,7 @@ from test_frames import BODY, with_body
 from ident.diagnosis.excitation import unfit
 from ident.doctor import LogError
 from ident.doctor.finding import NAMES
-from ident.doctor.hand import other_hand
+from ident.doctor.signs import other_hand
 from ident.identification import identify
 from ident.kinematics import calibrate_kinematics
 from ident.log import Log

@@ -27,8 +27,8 @@ from ident.report.outcome import (
 )
 from ident.results import AT_BOUND, UNSEEN
 from ident.sequential import MotionIdentification, cut_calibration, identify_by_motion
-from youbot_cli import console, given_effects
-from youbot_cli.given_logs import (
+from youbot_cli import console, effect_options
+from youbot_cli.log_options import (
     FIT,
     SEVERAL,
     TEST,
@@ -61,7 +61,7 @@ def main(
             help="Estimate an effect of docs/effects.md too, from VALUE on; may be repeated.",
         ),
     ] = None,
-    effects: given_effects.EffectsFile = None,
+    effects: effect_options.EffectsFile = None,
     test: Tests = None,
     method: Annotated[
         str,
@@ -108,9 +108,9 @@ def main(
     console.check_results(out, json_file, page_file, draws_file, force=force)
     if not logs:
         logs, test = [FIT], test or [TEST]
-    given_effects.load_effects(effects)
+    effect_options.load_effects(effects)
     before = load_model(model)
-    added = given_effects.parse_effects(add)
+    added = effect_options.parse_effects(add)
     with console.progress("identifying", 4, "steps") as show:
         measured, tests = options.read(before, logs, test or ())
         untouched, before = one_or_all(tests), used_model(before, measured)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ident.workers import spread
-from youbot_cli import console, given_effects
+from youbot_cli import console, effect_options
 from youbot_cli.pieces import Pieces
 
 
@@ -29,7 +29,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Crew:
+class Parallel:
     """Processes that share the work.
 
     Attributes:
@@ -67,7 +67,7 @@ class Crew:
             show(done)
             calls = [(piece.call, piece.arguments) for piece in left]
             names = [f"{title}, {piece.name}" for piece in left]
-            prepare = (given_effects.load_effects, (self.effects,))
+            prepare = (effect_options.load_effects, (self.effects,))
             workers = max(1, min(self.workers, len(left)))
             for number, result in spread(calls, names, workers, prepare):
                 piece = left[number]

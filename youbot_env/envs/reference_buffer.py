@@ -16,16 +16,16 @@ from youbot_env.references import Motion, Reference
 LONGEST_TABLE = 20_000
 
 
-def make_schedule(
+def make_buffer(
     reference: Reference, task: TrackingTask, copies: int, steps: int
-) -> TableSchedule | RingSchedule:
-    """Return the schedule for episodes of at most ``steps`` control periods."""
+) -> TableBuffer | RingBuffer:
+    """Return the buffer for episodes of at most ``steps`` control periods."""
     if reference.constant is not None and steps <= LONGEST_TABLE:
-        return TableSchedule(reference, task, copies, steps)
-    return RingSchedule(reference, task, copies)
+        return TableBuffer(reference, task, copies, steps)
+    return RingBuffer(reference, task, copies)
 
 
-class TableSchedule:
+class TableBuffer:
     """One table over the episode, looked up by each copy's step number."""
 
     def __init__(self, reference: Reference, task: TrackingTask, copies: int, steps: int):
@@ -56,7 +56,7 @@ class TableSchedule:
         return self._twists[:, ahead].swapaxes(0, 1).reshape(-1, len(self._steps))
 
 
-class RingSchedule:
+class RingBuffer:
     """Each copy has values of its own; rings hold the time from now to the last preview."""
 
     def __init__(self, reference: Reference, task: TrackingTask, copies: int):
@@ -92,11 +92,11 @@ class RingSchedule:
         self._head = (self._head + 1) % len(self._poses)
 
     def pose(self) -> tuple:
-        """See ``TableSchedule``."""
+        """See ``TableBuffer``."""
         return tuple(self._poses[self._head])
 
     def twists(self) -> np.ndarray:
-        """See ``TableSchedule``."""
+        """See ``TableBuffer``."""
         size = len(self._twists)
         slots = (self._head + np.arange(0, size, self._task.preview_stride)) % size
         return self._twists[slots].reshape(-1, self._twists.shape[2])

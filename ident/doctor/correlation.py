@@ -44,7 +44,7 @@ class Likeness(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Evidence:
+class Correlation:
     """A signal of the wheels against the body motion by one source.
 
     Attributes:
@@ -108,12 +108,12 @@ class Evidence:
         return gains
 
 
-def hear(
+def correlate(
     signal: np.ndarray,
     motion: np.ndarray,
     rates: np.ndarray | None = None,
     step: float = np.inf,
-) -> Evidence:
+) -> Correlation:
     """Compare a signal of the wheels with a body motion.
 
     Args:
@@ -165,7 +165,7 @@ def hear(
     # A wheel at rest is all noise, one in another unit all variance: the kinder of two averages.
     spread = np.diag(covariance)[width:]
     share = max(np.median(full), full @ spread / (spread.sum() + 1e-300))
-    return Evidence(signal, motion, float(share), axes, rows, weights, without)
+    return Correlation(signal, motion, float(share), axes, rows, weights, without)
 
 
 def _parts(count: int, step: float) -> list[np.ndarray]:

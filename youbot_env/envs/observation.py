@@ -18,8 +18,8 @@ from youbot_env.references import Reference
 
 
 @lru_cache(maxsize=64)
-def look_function(task: TrackingTask, reference: Reference) -> ca.Function:
-    """Build (or find) the function of one look.
+def observation_function(task: TrackingTask, reference: Reference) -> ca.Function:
+    """Build (or find) the function of one observation.
 
     Returns:
         ``F(motion, action, values, t, noise) -> (observation, reward, lost, wanted, twist)`` with
@@ -48,19 +48,19 @@ def look_function(task: TrackingTask, reference: Reference) -> ca.Function:
     observation = ca.fmin(ca.fmax(ca.vertcat(*flat), -bound), bound)
     wanted_pose, twist = ca.vertcat(*wanted.pose), ca.vertcat(*twists[0])
     outputs = [ca.cse(observation), reward, lost, wanted_pose, twist]
-    return ca.Function("look", [motion, action, values, t, noise], outputs)
+    return ca.Function("observation", [motion, action, values, t, noise], outputs)
 
 
-class Look(InPlace):
-    """Calls a look function in place.
+class Observation(InPlace):
+    """Calls an observation function in place.
 
     Attributes:
         action, values, noise: inputs, written by the caller.
-        wanted, twist: reference pose and body velocities of the last look.
+        wanted, twist: reference pose and body velocities of the last observation.
     """
 
     def __init__(self, task: TrackingTask, reference: Reference):
-        function = look_function(task, reference)
+        function = observation_function(task, reference)
         self.action = np.zeros(task.action_space.shape)
         self.values, self.noise = np.zeros(reference.size), np.zeros(6)
         self.wanted, self.twist = np.zeros(3), np.zeros(3)

@@ -13,15 +13,103 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.doctor.arrangement import Arrangement, arrangements, fitting, likeness
-from ident.doctor.evidence import Evidence, Likeness, explained, hear
+from ident.doctor.correlation import CERTAIN, Correlation, Likeness, correlate, explained
 from ident.doctor.record import Record
 from ident.doctor.smoothing import BODY_SOURCES, Smooth
 from ident.doctor.turns import QUARTER, RIGHT, TURNS, Turn, turn_by
 
-ALIKE = 0.6  # cosine between fingerprints; rows of other mecanum wheels are at 1/3
-SPEAKS = 0.5  # fraction of the wheel speeds that a body motion must explain to be a witness
-DRIVES = 0.3  # fraction of the drive input that the motion must explain to say anything
+MOST_WHEELS = 4  # beyond that only single swaps are considered, not all orders
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """Column i of a log holds ``signs[i]`` times the signal of wheel ``order[i]``."""
+
+    order: tuple[int, ...]
+    signs: tuple[int, ...]
+
+    @property
+    def changed(self) -> tuple[int, ...]:
+        """Columns that hold another wheel or the other sign."""
+        return tuple(
+            i for i, (k, s) in enumerate(zip(self.order, self.signs, strict=True))
+            if k != i or s < 0
+        )  # fmt: skip
+
+    def undo(self, values: np.ndarray) -> np.ndarray:
+        """Put columns into the order and signs of the platform."""
+        result = np.empty_like(values)
+        result[:, list(self.order)] = values * np.array(self.signs)
+        return result
+
+    def undo_vector(self, vector: np.ndarray) -> np.ndarray:
+        """Do the same for one value a column."""
+        return self.undo(vector[None])[0]
+
+    def words(self, names: tuple[str, ...]) -> str:
+        """Say it for people: ``fl has the other sign``, ``fl and fr are exchanged``."""
+        parts, moved = [], [i for i, k in enumerate(self.order) if k != i]
+        flipped = [names[i] for i in range(len(names)) if i not in moved and self.signs[i] < 0]
+        if len(flipped) == len(names):
+            parts.append("all wheels have the other sign")
+        elif flipped:
+            verb = "has" if len(flipped) == 1 else "have"
+            parts.append(f"{', '.join(flipped)} {verb} the other sign")
+        if len(moved) == 2 and all(self.signs[i] > 0 for i in moved):
+            parts.append(f"{names[moved[0]]} and {names[moved[1]]} are exchanged")
+        elif moved:
+            listed = [
+                f"{names[i]} holds {'-' if self.signs[i] < 0 else ''}{names[self.order[i]]}"
+                for i in moved
+            ]
+            parts.append(", ".join(listed))
+        return "; ".join(parts) or "as they should be"
+
+
+def arrangements(count: int) -> list[Arrangement]:
+    """All arrangements of ``count`` wheels, those that change least first."""
+    if count <= MOST_WHEELS:
+        orders = list(itertools.permutations(range(count)))
+    else:
+        orders = [tuple(range(count))]
+        for i, k in itertools.combinations(range(count), 2):
+            order = list(range(count))
+            order[i], order[k] = k, i
+            orders.append(tuple(order))
+    found = [Arrangement(o, s) for o in orders for s in itertools.product((1, -1), repeat=count)]
+    return sorted(found, key=lambda arrangement: len(arrangement.changed))
+
+
+def fitting(candidates: list[Arrangement], table: Likeness, least: float) -> np.ndarray:
+    """Tell for each candidate whether every column may resemble its wheel; NaN says nothing.
+
+    Args:
+        candidates: arrangements of n wheels.
+        table: columns against wheels.
+        least: cosine that counts as resemblance.
+    """
+    orders = np.array([candidate.order for candidate in candidates])
+    signs = np.array([candidate.signs for candidate in candidates])
+    columns = np.arange(orders.shape[1])
+    found = signs * table.cosines[columns, orders] + CERTAIN * table.errors[columns, orders]
+    return ~np.any(found <= least, axis=1)
+
+
+def likeness(arrangement: Arrangement, table: Likeness) -> float:
+    """The least resemblance of a column to its wheel; NaN says nothing.
+
+    Args:
+        arrangement: of n wheels.
+        table: columns against wheels.
+    """
+    cosines = table.cosines
+    found = np.array(arrangement.signs) * cosines[np.arange(len(cosines)), list(arrangement.order)]
+    return float(np.min(found, where=np.isfinite(found), initial=1.0))
+
+
+MIN_COSINE = 0.6  # cosine between fingerprints; rows of other mecanum wheels are at 1/3
+MIN_R2 = 0.5  # fraction of the wheel speeds that a body motion must explain to be a witness
+MIN_R2_OF_DRIVE = 0.3  # fraction of the drive input that the motion must explain to say anything
 OBLIQUE = 0.2  # rad from a multiple of a quarter turn, beyond which a frame stands between two
 REDUNDANT = 0.25  # last over next singular value of wheel speeds that shows their redundancy
 
@@ -81,7 +169,7 @@ class Witnesses:
         self.force = signals.signals.get(self.drive)
         self.sources, self.silent = [], {}
         self.turns: dict[str, list[Turn]] = {}
-        self._evidence: dict[tuple[str, str], Evidence] = {}
+        self._evidence: dict[tuple[str, str], Correlation] = {}
         self._agree: bool | None = None
         for source in BODY_SOURCES:
             # A command of zero is none; a measurement of zero is a witness.
@@ -93,10 +181,10 @@ class Witnesses:
     def _listen(self, source: str, motion: np.ndarray, rates: np.ndarray) -> None:
         heard = {}
         if self.wheels is not None:
-            heard["wheels"] = hear(self.wheels, motion, step=self.step)
+            heard["wheels"] = correlate(self.wheels, motion, step=self.step)
         if self.force is not None:
-            heard["drive"] = hear(self.force, motion, rates, self.step)
-        first, least = ("wheels", SPEAKS) if self.wheels is not None else ("drive", DRIVES)
+            heard["drive"] = correlate(self.force, motion, rates, self.step)
+        first, least = ("wheels", MIN_R2) if self.wheels is not None else ("drive", MIN_R2_OF_DRIVE)
         share = heard[first].share if first in heard else 0.0
         if share < least:
             self.silent[source] = share
@@ -105,7 +193,7 @@ class Witnesses:
         oblique = self._oblique(motion) or self._oblique_drive(motion, rates)
         self.turns[source] = [t for t in TURNS[1:] if not (oblique and t.rotates)] + oblique
         for kind, evidence in heard.items():
-            if kind == "wheels" or evidence.share > DRIVES:
+            if kind == "wheels" or evidence.share > MIN_R2_OF_DRIVE:
                 self._evidence[source, kind] = evidence
 
     def _oblique(self, motion: np.ndarray) -> list[Turn]:
@@ -145,7 +233,7 @@ class Witnesses:
         """Arrangements that all tables allow; the right one where nothing is said."""
         if not tables:
             return self.all[:1]
-        fits = np.all([fitting(self.all, table, ALIKE) for table in tables], axis=0)
+        fits = np.all([fitting(self.all, table, MIN_COSINE) for table in tables], axis=0)
         return [self.all[k] for k in np.flatnonzero(fits)]
 
     def faults(self) -> list[Fault]:
@@ -200,20 +288,20 @@ class Witnesses:
         """
         inverse = np.linalg.pinv(self.J).T
         motion, rates = self.wheels @ inverse, self.wheel_rates @ inverse
-        heard = hear(self.force, motion, rates, self.step)
+        heard = correlate(self.force, motion, rates, self.step)
         table = heard.table(self.J, True)
         if table is None or self.all[0] in self._alike([table]):
             return True
-        rolling = hear(self.force @ self.J @ inverse.T, motion, rates, self.step)
+        rolling = correlate(self.force @ self.J @ inverse.T, motion, rates, self.step)
         if rolling.rows is None or np.any(heard.axes & ~rolling.axes):
             return False
         best = max(likeness(arrangement, table) for arrangement in self.all)
-        return likeness(self.all[0], rolling.table(self.J, True)) > max(ALIKE, best)
+        return likeness(self.all[0], rolling.table(self.J, True)) > max(MIN_COSINE, best)
 
     def _drive_speaks(self) -> bool:
         """Whether the wheel speeds explain enough of the drive input."""
         regressors = np.hstack([self.wheels, self.wheel_rates])
-        return bool(np.median(explained(self.force, regressors)) > DRIVES)
+        return bool(np.median(explained(self.force, regressors)) > MIN_R2_OF_DRIVE)
 
     def without(self, source: str) -> Witnesses:
         """The same witnesses, one of them not heard."""
@@ -244,7 +332,7 @@ class Witnesses:
                 found.append(Fault(wheels, self.all[0]))
                 continue
             motion, rates = (wheels.undo(v) @ inverse for v in (self.wheels, self.wheel_rates))
-            table = hear(self.force, motion, rates, self.step).table(self.J, True)
+            table = correlate(self.force, motion, rates, self.step).table(self.J, True)
             drives = self._alike([] if table is None else [table])
             found += [Fault(w, d) for w, d in _pairs([wheels], drives)]
             if any(fault.size == (0, 0) for fault in found):
