@@ -11,7 +11,7 @@ from controllers.inverse import feedforward
 from youbot_env.backend import FLOAT
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model import Model
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 
 if TYPE_CHECKING:
     from controllers.base import Settings
@@ -218,7 +218,7 @@ class Guard:
         task = self._task
         if task.action_level == "velocity":
             return np.zeros(self._actions)
-        structure = Structure.of(self._model)
+        structure = ModelStructure.of(self._model)
         velocity = tuple(seen[3:6].tolist())
         yaw = float(np.arctan2(seen[7], seen[6]))
         rates = tuple(-v / BRAKE_TIME for v in velocity)

@@ -44,7 +44,7 @@ class Stage:
     Attributes:
         added: the effect that it has more than the one before; empty for the base.
         model: refined, with covariance.
-        nrmse: free-run error on untouched windows, as a share of the motion's rms.
+        nrmse: free-run error on held-out windows, as a share of the motion's rms.
         axes: (3,) rms errors there, m/s, m/s, rad/s.
         covered: share of the way from the base's error to what noise leaves.
         base: the seven parameters and two lumps, by name.
@@ -110,7 +110,7 @@ class Improvement(Shown):
         } | {name: [float(stage.base[name].value) for stage in self.stages] for name in names}
 
     def plot(self):
-        """The error on untouched windows with every effect that was added."""
+        """The error on held-out windows with every effect that was added."""
         return self.found.plot()
 
     def as_dict(self) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from youbot_env import dynamics
 from youbot_env.backend import NUMPY
 from youbot_env.effects.base import Signals
 from youbot_env.model import Model
-from youbot_env.plant import Robot, Structure
+from youbot_env.plant import BoundModel, ModelStructure
 
 # Windows: at most this long, s, and as many in a log as statistics over windows need.
 LONGEST, WANTED = 4.0, 28
@@ -165,8 +165,8 @@ class Linearised:
         return wheel_angles(self.log)
 
     @cached_property
-    def _robot(self) -> Robot:
-        return Structure.of(self.model).bind(self.model.values())
+    def _robot(self) -> BoundModel:
+        return ModelStructure.of(self.model).bind(self.model.values())
 
     @cached_property
     def _present(self) -> tuple[np.ndarray, np.ndarray]:
@@ -184,7 +184,7 @@ class Linearised:
         ``ahead`` (3,) is added to all velocities.
         """
         values = model.values() if values is None else values.tolist()
-        structure = Structure.of(model)
+        structure = ModelStructure.of(model)
         robot, rest = structure.bind(values), structure.rest().internal
         rolling = part_of(model, values, ("kinematics",))
         reads = robot.reads_pose, robot.reads_wheel_angle
@@ -220,7 +220,7 @@ class Linearised:
             return acceleration, self._memo.of(("outputs", rolling, instruments), outputs)
         return acceleration, outputs()
 
-    def _inner(self, structure: Structure, log: Log, model: Model, values) -> tuple:
+    def _inner(self, structure: ModelStructure, log: Log, model: Model, values) -> tuple:
         """States of the effects half way through each interval, along the measured motion.
 
         Those of the drive have done their work already; at rest where no other law has any.
@@ -241,7 +241,7 @@ class Linearised:
 
     def _signals(
         self,
-        robot: Robot,
+        robot: BoundModel,
         states: np.ndarray,
         share: float,
         key: tuple | None = None,

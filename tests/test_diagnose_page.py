@@ -14,7 +14,7 @@ from ident.diagnosis.splits import VERIFY
 from ident.free_run import free_run
 from ident.log import Log
 from ident.report.diagnose import diagnosis_page, odds
-from ident.report.diagnose_error import FALLING, since_reversal, strongest_period, untouched
+from ident.report.diagnose_error import FALLING, held_out, since_reversal, strongest_period
 from ident.report.diagnose_figures import error_steps_figure
 from ident.report.look import IDENTIFIED, NOMINAL
 from ident.report.outcome import rounded
@@ -89,10 +89,10 @@ def test_dependence_is_drawn_before_and_after(found, page):
     assert "final model" in after.caption
 
 
-def test_only_untouched_windows_are_shown(found):
+def test_only_held_out_windows_are_shown(found):
     part = found.first.parts[-1]
     run = free_run(part.log, found.model, window_length(part.log))
-    shown = untouched(part, run)
+    shown = held_out(part, run)
     kept = np.flatnonzero(part.role == VERIFY)
     assert set(shown.window) == set(kept)
     assert 0 < len(kept) < len(part.role)

@@ -113,9 +113,9 @@ def main(
     added = effect_options.parse_effects(add)
     with console.progress("identifying", 4, "steps") as show:
         measured, tests = options.read(before, logs, test or ())
-        untouched, before = one_or_all(tests), used_model(before, measured)
+        held_out, before = one_or_all(tests), used_model(before, measured)
         show(1)
-        result = identify(measured, before, added, untouched, method, name=out.stem)
+        result = identify(measured, before, added, held_out, method, name=out.stem)
         decomposed = None
         if by_motion:
             decomposed = identify_by_motion(cut_calibration(measured[0]), result.prior)
@@ -223,7 +223,7 @@ def tell(outcome: Outcome, logs: list[Log], model: Path | None, page: Path | Non
     console.section("Undetermined by these logs", seen.words)
     console.section("Invisible to logs of this kind", result.invisible)
     console.section("Log doctor", finding_lines(logs))
-    if not outcome.untouched:
+    if not outcome.held_out:
         console.section("Advice", ["give a log that is not fitted with --test to judge by"])
     console.out.print()
     if model is not None:

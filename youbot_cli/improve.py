@@ -211,7 +211,7 @@ def tell(
         ]
         console.out.print()
         what = found.errors.what.capitalize()
-        title = f"{what} on {found.errors.windows} untouched windows, rms"
+        title = f"{what} on {found.errors.windows} held-out windows, rms"
         console.table(title, (*ERRORS_HEAD, ""), rows)
         console.out.print()
         console.table("Base parameters and lumps", base_head(done), base_rows(done))

@@ -231,15 +231,11 @@ def diagnosis(fit: Log | list[Log], verify: Log, seed: int) -> dict[str, Any]:
 
 def pysindy(fit: Log, verify: Log, seed: int) -> dict[str, Any]:
     """Sparse regression by PySINDy over the columns of all effects."""
-    from ident.benchmark.methods import sparse_regression
-
     return sparse_regression(fit, verify)
 
 
 def sysidentpy(fit: Log, verify: Log, seed: int) -> dict[str, Any]:
     """Terms that SysIdentPy's forward regression picks for a NARX model."""
-    from ident.benchmark.methods import forward_regression
-
     return forward_regression(fit, verify)
 
 

@@ -68,7 +68,7 @@ class Diagnosis(Shown):
         base: the model without the effects, refined.
         minimum_detectable: what the log would have shown of every effect.
         depends_on: signals that the remaining error depends on, strongest first.
-        errors: free-run errors of base, of every step and of the model on untouched windows.
+        errors: free-run errors of base, of every step and of the model on held-out windows.
         first, last: the first and the last round; None where the log decides nothing.
         experiment: what to record next, where that would tell more.
         chain: models from the base to the last, each with the effect that it has more.
@@ -131,7 +131,7 @@ class Diagnosis(Shown):
         return {name: [row[k] for row in rows] for k, name in enumerate(head)}
 
     def plot(self):
-        """The error on untouched windows with every effect that was added.
+        """The error on held-out windows with every effect that was added.
 
         Raises:
             ValueError: the logs decide nothing, so that there is no error.
@@ -232,7 +232,7 @@ def diagnose(
             records = again
             found, refined = _searched(records, model, len(tests), seed, tell)
     first, now, outside = found.first, found.last, found.outside
-    tell("measuring errors on untouched windows")
+    tell("measuring errors on held-out windows")
     steps = confirmed(found.fits, refined, found.steps, first.simulations[-1])
     fits, start = freed(found.fits, records, refined.model, len(tests), model)
     chain, errors = _with_errors(fits, start, steps)
@@ -297,7 +297,7 @@ def _searched(
 def _with_errors(
     fits: Refits, start: Model, steps: list[Step]
 ) -> tuple[list[tuple[str, Model]], FreeRunErrors]:
-    """Models from the base to the last, and their errors on untouched windows."""
+    """Models from the base to the last, and their errors on held-out windows."""
     chain = chain_of(fits, start, steps)
     last = chain[-1][1]
     simulation = fits.of(last)[1][-1]

@@ -184,12 +184,12 @@ class FreeRunErrors:
 def free_run_errors(
     fits: Refits, chain: list[tuple[str, Model]], simulation: Linearised
 ) -> FreeRunErrors:
-    """Simulate the untouched windows of all logs with every model of a chain.
+    """Simulate the held-out windows of all logs with every model of a chain.
 
     Args:
         fits: the logs.
         chain: names and models.
-        simulation: of a log with untouched windows with the last model.
+        simulation: of a log with held-out windows with the last model.
     """
     parts = [part for part in fits.parts if part.windows(VERIFY).any()]
     squared = np.array([_squared(fits.parts, fits.models(model)) for _, model in chain])
@@ -221,7 +221,7 @@ def free_run_errors(
 def confirmed(
     fits: Refits, base: OutputError, steps: list[Step], simulation: Linearised
 ) -> list[Step]:
-    """Leave out steps without which the error on untouched windows is hardly larger.
+    """Leave out steps without which the error on held-out windows is hardly larger.
 
     A few windows can only refuse what makes them worse.  Where rollers may feign an effect it must
     remove a part of the whole error, as when it was chosen.
@@ -257,7 +257,7 @@ def _by_drive(parts: list[Part], model: Model) -> np.ndarray:
 
 
 def _squared(parts: list[Part], models: tuple[Model, ...]) -> np.ndarray:
-    """(W, 3) mean squared errors of the untouched windows."""
+    """(W, 3) mean squared errors of the held-out windows."""
     found = []
     for part, model in zip(parts, models, strict=True):
         if not part.windows(VERIFY).any():

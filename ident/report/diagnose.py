@@ -61,9 +61,9 @@ def lead(found: Diagnosis) -> str:
     return (
         f"{found.log}: {len(found.minimum_detectable)} effects were tried on {used:.0f} s of "
         f"motion. An effect counts when it is significant among all that were tried and removes "
-        f"more than {100 * LEAST_GAIN:.0f} % of the squared free-run error of stretches to which it "
-        f"was not fitted; what changes with time {100 * CHANGING:.0f} % of that to which it was. "
-        f"{found.errors.windows} windows were kept for the end; nothing was fitted to them or "
+        f"more than {100 * LEAST_GAIN:.0f} % of the squared free-run error of stretches to which "
+        f"it was not fitted; what changes with time {100 * CHANGING:.0f} % of that to which it "
+        f"was. {found.errors.windows} windows were kept for the end; nothing was fitted to them or "
         "chosen by them."
     )
 

@@ -113,7 +113,7 @@ def strongest_period(time: np.ndarray, force: np.ndarray) -> float | None:
     return float(1.0 / frequency[inside][np.argmax(power.sum(axis=1)[inside])])
 
 
-FALLING = "The error on untouched windows"
+FALLING = "The error on held-out windows"
 REGIMES, SIGNALS = 10, 3
 
 
@@ -139,7 +139,7 @@ def falling(found: Diagnosis) -> Section:
     number = found.first.parts.index(part)
     stages = [found.models[0], *found.models[-1:]][: len(ends(found))]
     runs = [
-        (shown.name, color, untouched(part, free_run(part.log, own[number], length)))
+        (shown.name, color, held_out(part, free_run(part.log, own[number], length)))
         for shown, own, color in zip(ends(found), stages, colors, strict=False)
     ]
     seen = (
@@ -153,7 +153,7 @@ def falling(found: Diagnosis) -> Section:
     return Section(FALLING, blocks)
 
 
-def untouched(part: Part, run: FreeRun) -> FreeRun:
+def held_out(part: Part, run: FreeRun) -> FreeRun:
     """The windows of a run that were kept for the end."""
     rows = part.windows(VERIFY)[run.window]
     return FreeRun(run.time[rows], run.simulated[rows], run.measured[rows], run.window[rows])

@@ -93,7 +93,7 @@ def _draw_gains(
 
 @figure(lambda errors: 1.15 + 0.42 * len(errors.names))
 def error_steps_figure(canvas, errors: FreeRunErrors) -> None:
-    """Free-run error on untouched windows with every effect that was added."""
+    """Free-run error on held-out windows with every effect that was added."""
     height = canvas.get_figheight()
     names = ["base model", *(f"+ {name}" for name in errors.names[1:])]
     grid = canvas.add_gridspec(

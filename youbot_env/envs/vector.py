@@ -15,7 +15,7 @@ from youbot_env.envs.noise import BLOCK, noise_block
 from youbot_env.envs.options import EpisodeOptions, as_numbers, diverged
 from youbot_env.envs.reference_buffer import make_buffer
 from youbot_env.envs.settings import TrackingSettings
-from youbot_env.plant import State, Structure
+from youbot_env.plant import ModelStructure, State
 from youbot_env.simulation import choose_substeps
 from youbot_env.simulation.analytic import history_length
 from youbot_env.stepping import advance
@@ -63,7 +63,7 @@ class TrackingVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._high = self.single_observation_space.high[:, None]
-        self._structure = Structure.of(self.model)
+        self._structure = ModelStructure.of(self.model)
         self._substeps = choose_substeps(self.model, self.task.dt)
         self._generators: list[np.random.Generator] = []
         self._buffer = make_buffer(self.reference, self.task, num_envs, max_episode_steps)

@@ -12,7 +12,7 @@ import numpy as np
 from youbot_env.arguments import check_kind, check_number
 from youbot_env.backend import FLOAT
 from youbot_env.model import Model
-from youbot_env.plant import Robot, Structure
+from youbot_env.plant import BoundModel, ModelStructure
 from youbot_env.rollers.bodies import Bodies
 from youbot_env.simulation.analytic import LONGEST, SHORTEST
 
@@ -114,8 +114,8 @@ class RollersPlant:
             raise ValueError(f"floor_friction = {floor_friction} must be positive")
         self.model, self.platform, self.dt, self.t = model, model.platform, dt, 0.0
         self._timestep, self._floor_friction = timestep, floor_friction
-        self._structure = Structure.of(model, track_wheels=True)
-        self._robot: Robot = self._structure.bind(model.values())
+        self._structure = ModelStructure.of(model, track_wheels=True)
+        self._robot: BoundModel = self._structure.bind(model.values())
         for hook in INEXPRESSIBLE:
             for _, effect, _ in self._robot.acting(hook):
                 raise ValueError(
