@@ -67,8 +67,8 @@ def sweep_step(a_pattern: ca.Sparsity, b_pattern: ca.Sparsity) -> ca.Function:
 
     Returns:
         ``F(P, p, A, B, c, q, g, r, s) -> (P, p, K, k)`` for the cost
-        ``dx' diag(q) dx / 2 + g' dx + r |step|^2 / 2 + s' step`` and the law ``step = K dx + k``; of P
-        the lower triangle goes in and out.
+        ``dx' diag(q) dx / 2 + g' dx + r |step|^2 / 2 + s' step`` and the law
+        ``step = K dx + k``; of P the lower triangle goes in and out.
     """
     size, wheels = b_pattern.shape
     half, p1 = ca.SX.sym("P", ca.Sparsity.lower(size)), ca.SX.sym("p", size)
