@@ -12,7 +12,7 @@ from typing import Annotated, get_type_hints
 
 import typer
 
-from ident.diagnosis.excitation import LEAST_SECONDS
+from ident.diagnosis.settings import SETTINGS
 from ident.doctor import LogError
 from ident.doctor.finding import Finding
 from ident.loaders import find_loader
@@ -288,7 +288,7 @@ def told_once(logs: list[Log]) -> list[Log]:
 
 def long_together(logs: list[Log]) -> list[Log]:
     """Logs without the warning that each is short, where they are given with enough others."""
-    if sum(log.duration for log in logs) < LEAST_SECONDS:
+    if sum(log.duration for log in logs) < SETTINGS.least_seconds:
         return logs
     return [replace(log, findings=tuple(f for f in log.findings if f.name != "short"))
             for log in logs]  # fmt: skip

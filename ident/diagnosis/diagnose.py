@@ -26,9 +26,9 @@ from ident.diagnosis.records import (
     with_unknown_hold,
 )
 from ident.diagnosis.refit import Refits, refit
-from ident.diagnosis.rounds import REMAINDER, Round
-from ident.diagnosis.screening import LEAST_GAIN
+from ident.diagnosis.rounds import Round
 from ident.diagnosis.selection import Search, Step, chain_of, search, with_steps
+from ident.diagnosis.settings import SETTINGS
 from ident.diagnosis.splits import divide, weigh
 from ident.diagnosis.trials import behind_gap, untried
 from ident.disagreement import disagreements, may_judge, not_used
@@ -47,11 +47,6 @@ from ident.unexplained import UNEXPLAINED
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
-
-# Beside an effect that is named, this share of the error that it should explain is worth a word.
-WORTH_TELLING = 0.1
-# Motions across equal strokes that a reason mentions.
-TOLD = 2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -314,7 +309,7 @@ def _repeated(verdict: str, across: tuple[Repeat, ...]) -> str:
     """How much of what stays unexplained a law of the motion could explain at all."""
     if verdict not in ("outside_library", "cannot_say"):
         return ""
-    return "".join(f"; {one}" for one in across[:TOLD])
+    return "".join(f"; {one}" for one in across[: SETTINGS.strokes_told])
 
 
 def _next_record(verdict: str, steps: list[Step], last: Round) -> Experiment | None:
@@ -416,8 +411,8 @@ def _judge(
         ) + "".join(f"; {s.best.identifier}, of the recording, is there" for s in steps
                     if s.recording)  # fmt: skip
         return "nothing_missing", (
-            f"no effect removes {100 * LEAST_GAIN:.0f} % of the squared error where it was not "
-            f"fitted; the {errors.what} is {100 * errors.after:.3g} %, beside "
+            f"no effect removes {100 * SETTINGS.least_gain:.0f} % of the squared error where it was "
+            f"not fitted; the {errors.what} is {100 * errors.after:.3g} %, beside "
             f"{errors.excuse}{background}"
         )
     if errors.remaining[-1] >= 1.0 or errors.after >= errors.before:
@@ -431,13 +426,13 @@ def _judge(
             f"({round(low)} to {round(high)} % of it); record a motion on all axes with starts, "
             "stops and reversals"
         )
-    if left > REMAINDER and clear:
+    if left > SETTINGS.remainder and clear:
         return "outside_library", (
             f"{names} fit best, but leave {100 * left:.0f} % of what noise cannot explain "
             f"({fall}, beside {errors.excuse}); it depends on {signals}"
         )
     denied = _denied(real, forces)
-    if denied and errors.beyond_noise > WORTH_TELLING:
+    if denied and errors.beyond_noise > SETTINGS.worth_telling:
         return "outside_library", (
             f"{names} fit best, but {denied}, and {100 * errors.beyond_noise:.0f} % of the squared "
             f"error beyond noise is left ({fall}, beside {errors.excuse}): something else acts, "
@@ -454,7 +449,7 @@ def _judge(
     rest = f", beside {errors.excuse}"
     if denied:
         rest += f"; {denied}: its law is not quite that"
-    if clear and left > WORTH_TELLING:
+    if clear and left > SETTINGS.worth_telling:
         rest += f"; {100 * left:.0f} % of what noise cannot explain is left"
         rest += f" and depends on {signals}" if told else ""
     doubtful = [step for step in real if len(step.group) > 1]

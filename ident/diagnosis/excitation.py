@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ident.diagnosis.settings import SETTINGS
 from ident.log import Log
-
-# What a record must offer before anything is named.
-LEAST_SECONDS, LEAST_SPEED = 20.0, 0.03
-# A wheel at its largest torque for more than this share of the time has flat tops.
-MOST_CLIPPED = 0.05
 
 
 def unfit(logs: list[Log]) -> str:
@@ -19,15 +15,15 @@ def unfit(logs: list[Log]) -> str:
         if bent:
             return f"{log.name}: {bent[0].message}"
     seconds, names = sum(log.duration for log in logs), " + ".join(log.name for log in logs)
-    if seconds < LEAST_SECONDS:
+    if seconds < SETTINGS.least_seconds:
         lasts = "lasts" if len(logs) == 1 and not logs[0].runs else "together last"
         return (
-            f"{names} {lasts} {seconds:.3g} s; record at least {LEAST_SECONDS:g} s, better "
-            "112 s of `youbot record --motion calibration`"
+            f"{names} {lasts} {seconds:.3g} s; record at least {SETTINGS.least_seconds:g} s, "
+            "better 112 s of `youbot record --motion calibration`"
         )
     level = np.concatenate([log.velocity() * (1.0, 1.0, log.platform.lever) for log in logs])
     speed = float(np.sqrt(np.mean(level**2) * 3))
-    if speed < LEAST_SPEED:
+    if speed < SETTINGS.least_speed:
         return (
             f"{names} hardly moves ({speed:.3g} m/s rms); drive it along "
             "`youbot record --motion calibration`"
@@ -44,7 +40,7 @@ def _clipped(log: Log) -> str:
         size = np.abs(signal)
         share = np.mean(size >= 0.999 * size.max(axis=0), axis=0)
         wheel = int(np.argmax(share))
-        if share[wheel] > MOST_CLIPPED:
+        if share[wheel] > SETTINGS.most_clipped:
             return (
                 f"the {what} of wheel {log.platform.wheel_names[wheel]} in {log.name} is clipped: "
                 f"{100 * share[wheel]:.0f} % of the samples are at its largest value "

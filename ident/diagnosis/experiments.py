@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ident.diagnosis.settings import SETTINGS
 from ident.log import Log
 from ident.parameter_space import free_directions
 from ident.residuals import output_weights, settled
@@ -17,13 +18,6 @@ from youbot_env.model import Model
 from youbot_env.references import MOTIONS, Fourier, Reference, calibration_sequence, save_motion
 from youbot_env.simulation import record_closed_loop
 from youbot_env.simulation.sensors import IDEAL
-
-# Rate of the simulated records, Hz.
-RATE = 50.0
-# Errors of a free run remember each other over about this time, s: so long is one observation.
-MEMORY = 0.3
-# Odds beyond this are as good as certain.
-CERTAIN = 1e6
 
 
 @dataclass(frozen=True)
@@ -90,19 +84,27 @@ def separating(models: dict[str, Model], error: float) -> Experiment | None:
         distances = [distance(robot, other, motion) for robot, other in pairs]
         # Twice the logarithm of the odds of the robot against its rival.
         found[name] = min(distances) / max(error, 1e-12)
-    odds = {name: float(min(np.exp(min(x / 2, 50.0)), CERTAIN)) for name, x in found.items()}
+    odds = {
+        name: float(min(np.exp(min(x / 2, 50.0)), SETTINGS.certain_odds))
+        for name, x in found.items()
+    }
     order = sorted(odds, key=lambda name: -found[name])
     if odds[order[0]] < 2.0:
         return None
     best = order[0]
     purpose = menu()[best].purpose
     others = tuple((name, odds[name]) for name in order[1:])
-    return Experiment(best, purpose, SECONDS / 60.0, tuple(models), odds[best], others)
+    return Experiment(
+        best, purpose, SETTINGS.experiment_seconds / 60.0, tuple(models), odds[best], others
+    )
 
 
 def distance(robot: Model, other: Model, motion: Reference) -> float:
     """Squared scaled error that ``other`` leaves of ``robot``'s motion, by independent times."""
-    times = np.arange(round(SECONDS * RATE)) / RATE
+    times = (
+        np.arange(round(SETTINGS.experiment_seconds * SETTINGS.experiment_rate))
+        / SETTINGS.experiment_rate
+    )
     try:
         channels = record_closed_loop(robot, motion, times, IDEAL, seed=0, fraction=COARSE)
     except ValueError:
@@ -124,19 +126,15 @@ def distance(robot: Model, other: Model, motion: Reference) -> float:
     scale = np.linalg.norm(columns, axis=0)
     columns = columns / np.where(scale > 0, scale, 1.0)
     left = left - columns @ np.linalg.lstsq(columns, left, rcond=1e-9)[0]
-    # A mean over the outputs, as the error is one; each stretch of MEMORY counts once.
-    seconds = shape[0] * shape[1] / RATE
-    return float(np.mean(left**2)) * seconds / MEMORY * shape[2]
-
-
-# Length of an experiment, s.
-SECONDS = 60.0
+    # A mean over the outputs, as the error is one; each stretch that errors remember counts once.
+    seconds = shape[0] * shape[1] / SETTINGS.experiment_rate
+    return float(np.mean(left**2)) * seconds / SETTINGS.error_memory * shape[2]
 
 
 def menu() -> dict[str, Reference]:
     """Motions by name; those other than ``calibration`` are files of that name."""
     return {
-        "calibration": calibration_sequence(seconds=SECONDS),
+        "calibration": calibration_sequence(seconds=SETTINGS.experiment_seconds),
         "slow_ramps": _sines(0.25, "slow ramps through zero",
                              ((1, 0.12, 0.0), (3, 0.03, 1.0)), ((1, 0.12, 2.0), (2, 0.05, 0.4)),
                              ((1, 0.25, 4.0), (3, 0.1, 2.0))),

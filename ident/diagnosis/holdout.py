@@ -9,10 +9,9 @@ import numpy as np
 
 from ident.contradiction import wheels_agree
 from ident.diagnosis.refit import Refits, without
-from ident.diagnosis.rounds import CLEAR
-from ident.diagnosis.screening import LEAST_GAIN
 from ident.diagnosis.selection import Step, with_steps
-from ident.diagnosis.splits import FEWEST, VERIFY, Part
+from ident.diagnosis.settings import SETTINGS
+from ident.diagnosis.splits import VERIFY, Part
 from ident.drive_noise import NO_NOISE, LastingNoise, lasting_noise
 from ident.free_run import free_run
 from ident.noise_floor import velocity_floor
@@ -20,15 +19,8 @@ from ident.output_error import OutputError
 from ident.sensitivity import Linearised, window_length
 from youbot_env.model import Model
 
-DRAWS = 2000
-# What noise that lasts leaves on a few windows scatters: on the part kept for the end of three
-# simulated records up to 1.9 times its floor, in squares.
-SCATTER = 1.0
-# Of some makes of rollers the ripple of the library explains little; of those of which it is the
-# ripple, at least half of the squared error.
-RIPPLE, EXPLAINED = "roller_ripple", 0.5
-# An error of this share is that of a model that says nothing: the mean of the motion, or no force.
-WHOLE = 1.0
+# The effect that rollers of an unknown make are told from.
+RIPPLE = "roller_ripple"
 
 
 @dataclass(frozen=True)
@@ -82,7 +74,7 @@ class FreeRunErrors:
     @property
     def bounded(self) -> bool:
         """Whether the final model leaves less than all of the motion, or of the drive's force."""
-        return bool(np.isfinite(self.nrmse).all() and self.after < WHOLE)
+        return bool(np.isfinite(self.nrmse).all() and self.after < SETTINGS.whole_error)
 
     @property
     def drops(self) -> dict[str, float]:
@@ -119,7 +111,10 @@ class FreeRunErrors:
     @property
     def clear(self) -> bool:
         """Whether what the final model leaves is clearly more than noise and rolling."""
-        sure = CLEAR * self._excused + (SCATTER - CLEAR) * self.lasting**2
+        sure = (
+            SETTINGS.clear_excess * self._excused
+            + (SETTINGS.noise_scatter - SETTINGS.clear_excess) * self.lasting**2
+        )
         return self._excess(-1) > sure
 
     @property
@@ -147,7 +142,7 @@ class FreeRunErrors:
         said = f"{100 * self.floor:.3g} % of noise"
         if self.lasting > self.white:
             said += f" (of the drive, {self.drive_noise})"
-        if self.unsure > CLEAR * self.floor:
+        if self.unsure > SETTINGS.clear_excess * self.floor:
             said += f", {100 * self.unsure:.2g} % of parameters that are not known better"
         return said + (f" and the {100 * self.rolling:.2g} % of rolling" if self.rolling else "")
 
@@ -200,12 +195,14 @@ def free_run_errors(
         spread = np.concatenate([p.log.velocity() for p in parts]).std(axis=0)
     spread = np.maximum(spread, 1e-9)
     by_window = np.mean(squared / spread**2, axis=2)
-    drawn = np.random.default_rng(0).integers(0, by_window.shape[1], (DRAWS, by_window.shape[1]))
+    drawn = np.random.default_rng(0).integers(
+        0, by_window.shape[1], (SETTINGS.holdout_draws, by_window.shape[1])
+    )
     means = by_window[:, drawn].mean(axis=2)
     low, high = np.quantile(1.0 - np.sqrt(means[-1] / means[0]), [0.025, 0.975])
     names, errors = [name for name, _ in chain], by_window.mean(axis=1)
     at = names.index(RIPPLE) if RIPPLE in names else 0
-    rippled = at > 0 and errors[at] < EXPLAINED * errors[at - 1]
+    rippled = at > 0 and errors[at] < SETTINGS.ripple_explained * errors[at - 1]
     return FreeRunErrors(
         tuple(names),
         tuple(np.sqrt(errors).tolist()),
@@ -232,7 +229,7 @@ def confirmed(
         models = [without(full, step.best.identifier) for step in steps] + [full]
         chain = [("", base.model)] + [("", fits.of(model)[0].model) for model in models]
         errors = free_run_errors(fits, chain, simulation)
-        least = LEAST_GAIN if errors.windows >= FEWEST else 0.0
+        least = SETTINGS.least_gain if errors.windows >= SETTINGS.fewest_windows else 0.0
         left, without_it = errors.remaining[-1] ** 2, errors.remaining[1:-1] ** 2
         gain = 1.0 - left / without_it
         if feigned:

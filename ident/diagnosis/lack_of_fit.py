@@ -11,17 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ident.diagnosis.settings import SETTINGS
 from ident.log import Log
 from ident.sensitivity import Linearised
 
 Wrenches = list[np.ndarray]
-
-# Frequencies of disturbances in time, Hz: from the slowest a log can show to those robots damp.
-SLOWEST, FASTEST, TONES = 0.05, 3.0, 24
-# Knots of a drift over the log, and of a map over the floor (by side).
-KNOTS, SQUARES = 6, 3
-# Wheel speed over which a dry force changes its sign, rad/s, and memories of it, s.
-DRY, MEMORIES = 0.2, (0.1, 0.4)
 
 
 @dataclass(frozen=True)
@@ -60,7 +54,9 @@ def dependences(logs: list[Log]) -> list[Dependence]:
         )
     if not any(log.runs for log in logs):  # runs have no common time
         shortest = min(log.duration for log in logs)
-        for tone in np.geomspace(max(SLOWEST, 2 / shortest), FASTEST, TONES):
+        for tone in np.geomspace(
+            max(SETTINGS.slowest_tone, 2 / shortest), SETTINGS.fastest_tone, SETTINGS.tones
+        ):
             found.append(Dependence("time", lambda sim, tone=tone: _periodic(sim, tone), True))
         longest = max(log.duration for log in logs)
         found.append(Dependence("time", lambda sim: _drift(sim, longest), True))
@@ -110,10 +106,10 @@ def _torque_powers(sim: Linearised) -> Wrenches:
 def _memories(sim: Linearised) -> Wrenches:
     """Dry friction that follows a reversal late."""
     windows, length = sim.shape
-    sign = np.tanh(_wheel_speed(sim) / DRY).reshape(-1, windows, length)
+    sign = np.tanh(_wheel_speed(sim) / SETTINGS.dry_speed).reshape(-1, windows, length)
     steps = sim.windows.step.reshape(windows, length)
     wrenches = []
-    for memory in MEMORIES:
+    for memory in SETTINGS.dry_memories:
         late, now = np.empty_like(sign), sign[:, :, 0]
         for k in range(length):
             now = now + (1.0 - np.exp(-steps[:, k] / memory)) * (sign[:, :, k] - now)
@@ -141,12 +137,15 @@ def _place(sim: Linearised, corner: np.ndarray, side: np.ndarray) -> Wrenches:
     x, y = (np.broadcast_to(p, sim.time.size) for p in sim.signals.pose[:2])
     w = _wheel_speed(sim)
     wrenches = []
-    for i in range(SQUARES):
-        for j in range(SQUARES):
-            a = (x - corner[0]) / side[0] * SQUARES - i - 0.5
-            b = (y - corner[1]) / side[1] * SQUARES - j - 0.5
+    for i in range(SETTINGS.map_squares):
+        for j in range(SETTINGS.map_squares):
+            a = (x - corner[0]) / side[0] * SETTINGS.map_squares - i - 0.5
+            b = (y - corner[1]) / side[1] * SETTINGS.map_squares - j - 0.5
             here = np.exp(-(a**2) - b**2)
-            wrenches += [_on_wheels(sim, here * w), _on_wheels(sim, here * np.tanh(w / DRY))]
+            wrenches += [
+                _on_wheels(sim, here * w),
+                _on_wheels(sim, here * np.tanh(w / SETTINGS.dry_speed)),
+            ]
     return wrenches
 
 
@@ -157,8 +156,8 @@ def _periodic(sim: Linearised, tone: float) -> Wrenches:
 
 def _drift(sim: Linearised, longest: float) -> Wrenches:
     """A force that wanders over the log: hat functions of time on every axis."""
-    at = sim.time.ravel() / longest * (KNOTS - 1)
-    hats = [np.maximum(0.0, 1.0 - np.abs(at - knot)) for knot in range(KNOTS)]
+    at = sim.time.ravel() / longest * (SETTINGS.drift_knots - 1)
+    hats = [np.maximum(0.0, 1.0 - np.abs(at - knot)) for knot in range(SETTINGS.drift_knots)]
     return [_on_axis(axis, hat) for axis in range(3) for hat in hats]
 
 

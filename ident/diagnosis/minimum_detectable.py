@@ -9,10 +9,7 @@ import numpy as np
 from scipy import stats
 
 from ident.diagnosis.rounds import Round
-from ident.diagnosis.screening import LEAST_GAIN, SIGNIFICANT
-
-# Power at which a size counts as detectable.
-POWER = 0.8
+from ident.diagnosis.settings import SETTINGS
 
 
 @dataclass(frozen=True)
@@ -79,12 +76,16 @@ def _of(found: Round, number: int) -> MinimumDetectable | None:
     k = int(np.argmax(np.abs(values) / np.where(errors > 0, errors, np.inf)))
     windows = len(table.scores)
     sure = float(stats.t.ppf(0.975, windows - 1))
-    threshold = float(stats.t.isf(SIGNIFICANT / 2 / max(len(found.gains), 1), windows - 1))
+    threshold = float(stats.t.isf(SETTINGS.significant / 2 / max(len(found.gains), 1), windows - 1))
     parameter = trial.effect.parameter_of(trial.names[k])
     typical = abs(parameter.default) or 1.0
     strength = table.strength(number, mixed[k])
-    needed = np.sqrt(LEAST_GAIN / (1 - LEAST_GAIN) / strength) if strength > 0 else np.inf
-    half = stats.norm.ppf(POWER)
+    needed = (
+        np.sqrt(SETTINGS.least_gain / (1 - SETTINGS.least_gain) / strength)
+        if strength > 0
+        else np.inf
+    )
+    half = stats.norm.ppf(SETTINGS.power)
     smallest = max((threshold + half) * errors[k], needed)
     power = float(stats.norm.cdf((typical / smallest - 1.0) * (threshold + half) + half))
     return MinimumDetectable(

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-# Directions weaker than this, in columns of unit length, are left alone.
-WEAK = 1e-6
+from ident.diagnosis.settings import SETTINGS
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +64,8 @@ class Reduced:
 def _pseudo_inverse(inner: np.ndarray) -> np.ndarray:
     """Inverse in the directions that are seen; columns had unit length over all windows."""
     strength, turn = np.linalg.eigh(0.5 * (inner + inner.T))
-    strong = strength > WEAK
+    strong = strength > SETTINGS.weak_column
     return (turn[:, strong] / strength[strong]) @ turn[:, strong].T
-
-
-DRAWS = 999
-# Stretches that a test needs for each coefficient; with fewer its law is no longer Fisher's.
-CLUSTERS_EACH = 3
 
 
 def wild_p_values(
@@ -95,12 +89,12 @@ def wild_p_values(
     """
     rng = np.random.default_rng(seed)
     count = len(scores[0]) if scores else 0
-    signs = rng.choice([-1.0, 1.0], (DRAWS, count))
-    single, drawn = np.ones(len(scores)), np.ones((len(scores), DRAWS))
+    signs = rng.choice([-1.0, 1.0], (SETTINGS.wild_draws, count))
+    single, drawn = np.ones(len(scores)), np.ones((len(scores), SETTINGS.wild_draws))
     for trial, mine in enumerate(scores):
         turn = _whitened(mine)
         freedom = turn.shape[1]
-        if freedom == 0 or count < CLUSTERS_EACH * freedom:
+        if freedom == 0 or count < SETTINGS.clusters_each * freedom:
             continue
         white = mine @ turn
         both = np.concatenate([white.sum(axis=0)[None], signs @ white])
@@ -112,7 +106,7 @@ def wild_p_values(
     for family in np.unique(families):
         mine = families == family
         rank = np.count_nonzero(drawn[mine].min(axis=0)[None] <= single[mine, None], axis=1)
-        within[mine] = np.maximum(single[mine], (1 + rank) / (1 + DRAWS))
+        within[mine] = np.maximum(single[mine], (1 + rank) / (1 + SETTINGS.wild_draws))
         best[family] = within[mine].min()
     effects = [family for family in best if family]
     adjusted = within.copy()

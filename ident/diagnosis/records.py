@@ -13,7 +13,7 @@ import numpy as np
 from ident.decimate import DENSE, decimated
 from ident.diagnosis.refit import Refits
 from ident.diagnosis.score_table import ScoreTable
-from ident.diagnosis.screening import LEAST_GAIN, SLACK
+from ident.diagnosis.settings import SETTINGS
 from ident.diagnosis.splits import FIT, SELECT, Part, choosing_until, divide
 from ident.diagnosis.trials import trials
 from ident.disagreement import disagreements, may_disagree
@@ -164,11 +164,6 @@ def _sensors(log: Log, model: Model) -> list[Instrument]:
     return found
 
 
-# Share of the squared error of another record, beside effects that the search has yet to find, that
-# a slope of 0.7 degrees there removes where it was not fitted; a few windows allow no less.
-DIFFERENT = 0.3
-
-
 def with_differences(parts: list[Part], simulations: tuple[Linearised, ...]) -> Model:
     """The base model with what lasts through another record and is absent from the fitted ones.
 
@@ -186,13 +181,17 @@ def with_differences(parts: list[Part], simulations: tuple[Linearised, ...]) -> 
     if not found or not any(part.windows(SELECT).any() for part in parts):
         return model
     table = ScoreTable.of(parts, list(simulations), found, [])
-    best, share = None, DIFFERENT
+    best, share = None, SETTINGS.different_record
     for number, trial in enumerate(found):
         gains = table.gains_by_record(number)
-        if len(gains) > 1 and gains[0] > LEAST_GAIN and gains[1] > DIFFERENT:
+        if (
+            len(gains) > 1
+            and gains[0] > SETTINGS.least_gain
+            and gains[1] > SETTINGS.different_record
+        ):
             return model  # all records have that, and it may look like something else in one
-        absent = table.explained(number) < LEAST_GAIN
-        possible = trial.possible(table.coefficients(number), SLACK)
+        absent = table.explained(number) < SETTINGS.least_gain
+        possible = trial.possible(table.coefficients(number), SETTINGS.bound_slack)
         if len(gains) > 1 and absent and gains[1] > share and possible:
             best, share = trial, gains[1]
     if best is None:

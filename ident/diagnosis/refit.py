@@ -9,6 +9,7 @@ from scipy import stats
 from scipy.optimize import minimize_scalar
 
 from ident.diagnosis.score_table import ScoreTable
+from ident.diagnosis.settings import SETTINGS
 from ident.diagnosis.splits import FIT, SELECT, VERIFY, Part
 from ident.diagnosis.trials import brackets, profile
 from ident.instruments import adapted, stated
@@ -19,26 +20,6 @@ from ident.scopes import parameter_scope
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
-
-# A rival with a chance above this to be as good as the best cannot be told from it.
-CHANCE = 0.05
-# Effects that make the drive late smooth the noise of its record, each in its own way.  That feigns
-# up to these shares of what they explain and of what they leave.
-FEIGNED = (0.3, 0.15)
-# Independent errors in a window, for Schwarz's criterion: they remember each other some tenths of
-# a second.
-EACH = 8
-# Steps of a refinement: where an effect was added the start is close, where one was taken away not.
-# Two effects that start from where each was alone need few to be compared with other pairs.
-STEPS, PATIENT, FEW = 8, 16, 3
-# What a step removes when it was the last one worth taking; less care suffices to compare effects.
-TOLERANCE, ROUGH, FINE = 1e-5, 1e-3, 1e-6
-# Share of the squared error on its first part that another record's own values must remove.
-DIFFERS = 0.02
-# Distance from a bound, in typical sizes, that is none.
-AT_BOUND = 0.02
-# Values without a derivative: looks, and how close to come, as a share of the search range.
-LOOKS, CLOSE = 9, 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +53,8 @@ class Candidate:
         effect = get_effect(self.identifier)
         curved = [(effect.parameter_of(n), v) for n, v in self.values.items()]
         return any(
-            not p.linear and min(v - p.bounds[0], p.bounds[1] - v) < AT_BOUND * abs(p.default)
+            not p.linear
+            and min(v - p.bounds[0], p.bounds[1] - v) < SETTINGS.at_bound * abs(p.default)
             for p, v in curved
         )
 
@@ -96,9 +78,9 @@ def window_losses(parts: list[Part], simulations) -> np.ndarray:
 def refit(
     parts: list[Part],
     model: Model | list[Model],
-    steps: int = STEPS,
+    steps: int = SETTINGS.refine_steps,
     intervals: bool = False,
-    tolerance: float = TOLERANCE,
+    tolerance: float = SETTINGS.refine_tolerance,
     prior: Model | None = None,
 ) -> tuple[OutputError, tuple]:
     """Refine a model on the windows for fitting; also simulate the other logs with it.
@@ -149,9 +131,20 @@ def adopted(part: Part, model: Model) -> Model:
     for name in sorted(own.difference(smooth)):
         placed = _best_of_profile(part, placed, name)
     options = {"keep": [choosing], "weights": [part.weights], "intervals": False}
-    fitted = refine([part.log], placed, smooth, iterations=STEPS, tolerance=ROUGH, **options)
+    fitted = refine(
+        [part.log],
+        placed,
+        smooth,
+        iterations=SETTINGS.refine_steps,
+        tolerance=SETTINGS.refine_rough,
+        **options,
+    )
     before = refine([part.log], model, smooth, iterations=0, **options)
-    return fitted.model if fitted.cost[1] < (1.0 - DIFFERS) * before.cost[1] else model
+    return (
+        fitted.model
+        if fitted.cost[1] < (1.0 - SETTINGS.own_values_share) * before.cost[1]
+        else model
+    )
 
 
 def _best_of_profile(part: Part, model: Model, name: str) -> Model:
@@ -170,7 +163,7 @@ def _best_of_profile(part: Part, model: Model, name: str) -> Model:
 
     best = min(profile(active.effect.parameter_of(flat), part.log), key=loss)
     low, high = brackets(replace(active, values={**active.values, flat: best}), part.log)[flat]
-    options = {"maxiter": LOOKS, "xatol": CLOSE * (high - low)}
+    options = {"maxiter": SETTINGS.looks, "xatol": SETTINGS.looks_close * (high - low)}
     return moved(float(minimize_scalar(loss, bounds=(low, high), options=options).x))
 
 
@@ -191,7 +184,7 @@ class Refits:
         """As ``refit``; the values of ``model`` only matter where they are not refined."""
         key = self._key(model)
         if key not in self._known:
-            self._known[key] = refit(self.parts, model, PATIENT)
+            self._known[key] = refit(self.parts, model, SETTINGS.refine_patient)
         return self._known[key]
 
     def models(self, model: Model) -> tuple[Model, ...]:
@@ -206,7 +199,14 @@ class Refits:
         """The refined model with its covariance."""
         refined, key = self.of(model)[0], self._key(model)
         if refined.covariance is None:
-            self._known[key] = refit(self.parts, refined.model, PATIENT, True, FINE, self.prior)
+            self._known[key] = refit(
+                self.parts,
+                refined.model,
+                SETTINGS.refine_patient,
+                True,
+                SETTINGS.refine_fine,
+                self.prior,
+            )
         return self._known[key][0].model
 
     def _key(self, model: Model) -> frozenset:
@@ -231,7 +231,7 @@ def _located(parts: list[Part], model: Model) -> Model | None:
         return model.with_values(values)
 
     for name, (low, high) in ends.items():
-        options = {"maxiter": LOOKS, "xatol": CLOSE * (high - low)}
+        options = {"maxiter": SETTINGS.looks, "xatol": SETTINGS.looks_close * (high - low)}
         found = minimize_scalar(
             lambda value, name=name: _squared(fitted, moved(name, value)),
             bounds=(low, high),
@@ -259,10 +259,10 @@ def candidate(parts: list[Part], table: ScoreTable, number: int) -> Candidate | 
         # A linear step of everything may go too far where a robot is far from linear.
         sizes, present = table.coefficients(number), np.array(table.model.values())
         starts = [trial.start(sizes, v) for v in (table.base_values(number), present)]
-        refined, simulations = refit(parts, starts, tolerance=ROUGH)
+        refined, simulations = refit(parts, starts, tolerance=SETTINGS.refine_rough)
         located = _located(parts, refined.model)
         if located is not None:
-            refined, simulations = refit(parts, located, tolerance=ROUGH)
+            refined, simulations = refit(parts, located, tolerance=SETTINGS.refine_rough)
     active = refined.model.effects[-1]
     if not active.effect.plausible(active.values):
         return None
@@ -275,7 +275,7 @@ def beside(parts: list[Part], first: Candidate, second: Candidate) -> Candidate:
     """The second effect refined together with the first, from where each was alone."""
     kept = {a.identifier: a.values for a in first.model.effects}
     both = first.model.with_effects({**kept, second.identifier: second.values})
-    refined, simulations = refit(parts, both, FEW, tolerance=ROUGH)
+    refined, simulations = refit(parts, both, SETTINGS.refine_few, tolerance=SETTINGS.refine_rough)
     loss = window_losses(parts, simulations)
     return replace(second, refined=refined, simulations=simulations, loss=loss)
 
@@ -332,7 +332,8 @@ def _alike(
     losses = [np.bincount(number, loss[id(c)][windows]) / size for c in found]
     count = len(size)
     score = [
-        EACH * count * np.log(one.mean()) + c.count * np.log(EACH * count)
+        SETTINGS.errors_each_window * count * np.log(one.mean())
+        + c.count * np.log(SETTINGS.errors_each_window * count)
         for c, one in zip(found, losses, strict=True)
     ]
     order = np.argsort(score)
@@ -342,8 +343,12 @@ def _alike(
         gap = losses[k] - best
         spread = gap.std(ddof=1) / np.sqrt(count)
         chance = stats.t.sf(gap.mean() / max(spread, 1e-15), count - 1)
-        feigned = max(FEIGNED[0] * (1.0 - best.mean()), FEIGNED[1] * best.mean())
-        if chance > CHANCE or (found[k].late and kept[0].late and gap.mean() < feigned):
+        feigned = max(
+            SETTINGS.late_feigned[0] * (1.0 - best.mean()), SETTINGS.late_feigned[1] * best.mean()
+        )
+        if chance > SETTINGS.rival_chance or (
+            found[k].late and kept[0].late and gap.mean() < feigned
+        ):
             kept.append(found[k])
     return kept
 

@@ -14,7 +14,8 @@ from ident.diagnosis.forces import feigned
 from ident.diagnosis.lack_of_fit import Dependence
 from ident.diagnosis.refit import Candidate, beside, candidate, ranked, window_losses
 from ident.diagnosis.score_table import ScoreTable
-from ident.diagnosis.screening import LEAST_GAIN, SIGNIFICANT, Shortlist, best_pair, gain_of
+from ident.diagnosis.screening import Shortlist, best_pair, gain_of
+from ident.diagnosis.settings import SETTINGS
 from ident.diagnosis.splits import FIT, SELECT, Part, by_axis, judges
 from ident.diagnosis.trials import Trial, trials
 from ident.free_run import cut_windows
@@ -25,17 +26,6 @@ from ident.sensitivity import Linearised, window_length
 from ident.unexplained import UNEXPLAINED
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
-
-# A dependence that removes this share of the error while no effect passes, or that leaves less
-# than this share of what the best effect leaves, shows that something else is missing.
-TELLING, OUTSIDE = 0.15, 0.6
-# Where the wheels agree with each other, effects that leave more than this share of an error that
-# is not noise (``UNEXPLAINED``) are not what is missing.
-REMAINDER = 0.3
-# Squared error beyond that of noise, in units of the latter, that noise is no excuse for.
-CLEAR = 0.3
-# Chance below which the error of windows goes with how the robot moves in them.
-STEADY = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +117,7 @@ class Round:
         fitted = self.table.role == FIT
         loss, squares = self.loss[fitted], np.array(squares)[fitted]
         chances = [stats.spearmanr(loss, column).pvalue for column in squares.T]
-        return bool(min(chances) > STEADY and loss.std() < loss.mean())
+        return bool(min(chances) > SETTINGS.uneven_chance and loss.std() < loss.mean())
 
     @property
     def model(self) -> Model:
@@ -194,7 +184,7 @@ class Round:
         left = max(self._left(group), 0.0)
         if not self.wheels_agree or left < UNEXPLAINED * self.floor:
             return None
-        if left < REMAINDER * self.excess:
+        if left < SETTINGS.remainder * self.excess:
             return None
         return best_pair(self.table, self._gain_of(group[0]) if group else 0.0)
 
@@ -206,12 +196,14 @@ class Round:
     def dependences(self) -> list[tuple[str, float]]:
         """Signals that a generic dependence is found on, and its gain, strongest first."""
         best: dict[str, float] = {}
-        if self.error < (1.0 + CLEAR) * self.noise:  # measured torques depend on their own noise
+        if (
+            self.error < (1.0 + SETTINGS.clear_excess) * self.noise
+        ):  # measured torques depend on their own noise
             return []
         gains, p = self._general
         for dependence, share, chance in zip(self.generic, gains, p, strict=True):
             gain = share * min(1.0, self.error / self.unexplained)
-            if gain > LEAST_GAIN and chance < SIGNIFICANT:
+            if gain > SETTINGS.least_gain and chance < SETTINGS.significant:
                 signal = dependence.signal
                 best[signal] = max(best.get(signal, 0.0), float(gain))
         return sorted(best.items(), key=lambda item: -item[1])
@@ -227,13 +219,13 @@ class Round:
     def outside(self, best: Candidate | None) -> bool:
         """Tell whether a generic dependence explains the logs far better than the best effect."""
         found = self.dependences()
-        if not found or found[0][1] < TELLING:
+        if not found or found[0][1] < SETTINGS.dependence_gain:
             return False
         if best is None:
             return True
         left = 1.0 - max(self.gains[best.number], self._gain_of(best))
         share = min(1.0, self.error / self.unexplained)
-        return 1.0 - found[0][1] / share < OUTSIDE * left
+        return 1.0 - found[0][1] / share < SETTINGS.dependence_left * left
 
     def helps(self, found: Candidate) -> bool:
         """Tell whether the refined effect still lowers the error of every kind of window.
@@ -241,7 +233,7 @@ class Round:
         The forces at the measured motion must not speak against it.
         """
         least, asked = min(self._gains_of(found)), compress(found.simulations, self._asked(found))
-        return least > 0.5 * LEAST_GAIN and not feigned(list(asked), found.identifier)
+        return least > 0.5 * SETTINGS.least_gain and not feigned(list(asked), found.identifier)
 
     def hoped(self) -> list[Candidate]:
         """One effect or two that gain when refined what linear traces do not foretell.
@@ -266,8 +258,13 @@ class Round:
             now = self._gains_of(both)
             halves = zip(now, gains[first.identifier], gains[second.identifier], strict=True)
             needed = min(_further(gain, max(half)) for gain, *half in halves)
-            better = _further(now[-1], most) > LEAST_GAIN
-            if better and needed > 0.5 * LEAST_GAIN and self._enough(both) and self.helps(both):
+            better = _further(now[-1], most) > SETTINGS.least_gain
+            if (
+                better
+                and needed > 0.5 * SETTINGS.least_gain
+                and self._enough(both)
+                and self.helps(both)
+            ):
                 best, most = [first, both], now[-1]
         return best
 

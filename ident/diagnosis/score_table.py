@@ -16,6 +16,7 @@ import numpy as np
 
 from ident.diagnosis.lack_of_fit import Dependence
 from ident.diagnosis.partial_regression import Reduced, wild_p_values
+from ident.diagnosis.settings import SETTINGS
 from ident.diagnosis.splits import FIT, SELECT, Part
 from ident.diagnosis.trials import Trial
 from ident.parameter_space import free_directions, value_bounds
@@ -23,17 +24,6 @@ from ident.residuals import independent, settled
 from ident.scopes import parameter_scope
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
-
-# Blocks of each log that are left out in turn: in a calibration log these are its motions.
-BLOCKS = 4
-# Shrinks the coefficients of dependences, which have many.
-RIDGE = 1e-3
-# Share of squared error by which a dependence is plain.
-PLAIN = 0.5
-# Coefficients of laws that are not linear, in units of the size that the trace was made for.
-NEAR = (0.6, 1.6)
-# Parameters of the robot move at most by these factors in one linear step.
-NEARBY = (0.5, 2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +177,7 @@ class ScoreTable:
         A drift in time, or a patch of floor, is no business of another log or of another quarter.
         """
         every = [self._left_out(FIT, _here_and_there)]
-        if np.count_nonzero(self.role == SELECT) >= 2 * BLOCKS:
+        if np.count_nonzero(self.role == SELECT) >= 2 * SETTINGS.table_blocks:
             every.append(self._left_out(SELECT, _here_and_there))
         return every
 
@@ -223,7 +213,7 @@ class ScoreTable:
         if number < len(self.trials) and self.trials[number].effect.scope() == "record":
             # What belongs to a record is no business of another one: each has its own size.
             ways = self._inside if self.trials[number].effect.needs_time else self._each
-        ridge = 0.0 if self.dependence(number) is None else RIDGE
+        ridge = 0.0 if self.dependence(number) is None else SETTINGS.ridge
         mine, ends = self.columns[number] - self.base, self.ends(number)
         gains = []
         for way in filter(None, ways):
@@ -231,7 +221,11 @@ class ScoreTable:
             gains.append(1.0 - after / sum(part.before for part in way))
         # A generic function that explains most of a motion it was not fitted to need not hold in
         # size on another one; that it does not spoil that is enough.
-        if self.dependence(number) is not None and gains[0] > PLAIN and gains[-1] > 0.0:
+        if (
+            self.dependence(number) is not None
+            and gains[0] > SETTINGS.plain_share
+            and gains[-1] > 0.0
+        ):
             return gains[0]
         return min(gains)
 
@@ -254,7 +248,7 @@ class ScoreTable:
         """
         if number >= len(self.trials) or self.trials[number].linear:
             return -np.inf, np.inf
-        low, high = NEAR
+        low, high = SETTINGS.near_sizes
         scale = float(self.scale[self.columns[number][0]])
         return low * scale, high * scale
 
@@ -306,7 +300,7 @@ class ScoreTable:
         b = table.solve(mine, ends=self.ends(number))
         moved = (table.share[:, -1] - table.share[:, mine] @ b) / self.scale[: self.base]
         values = np.array(self.model.values()) + self.directions @ moved
-        return np.clip(values, *value_bounds(self.model, NEARBY))
+        return np.clip(values, *value_bounds(self.model, SETTINGS.nearby_factors))
 
     def scatter(self, number: int) -> np.ndarray:
         """(k, k) covariance of the first log's coefficients, from the scatter between stretches.
@@ -346,14 +340,14 @@ def _in_blocks(run: np.ndarray) -> np.ndarray:
     Runs that follow each other are often of one kind; every block holds some of every kind.
     """
     number = np.unique(run, return_inverse=True)[1]
-    if number[-1] + 1 >= BLOCKS:
-        return number % BLOCKS
-    return np.arange(len(run)) * BLOCKS // len(run)
+    if number[-1] + 1 >= SETTINGS.table_blocks:
+        return number % SETTINGS.table_blocks
+    return np.arange(len(run)) * SETTINGS.table_blocks // len(run)
 
 
 def _here_and_there(run: np.ndarray) -> np.ndarray:
     """(W,) block of each window, every so many windows one of the same."""
-    return np.arange(len(run)) % BLOCKS
+    return np.arange(len(run)) % SETTINGS.table_blocks
 
 
 def _placed(columns: np.ndarray, number: int, count: int) -> np.ndarray:
@@ -364,23 +358,17 @@ def _placed(columns: np.ndarray, number: int, count: int) -> np.ndarray:
     return placed
 
 
-# Averages over samples bring the rows to about this rate, Hz, faster than the robot can answer.
-RATE = 25.0
-# Stretches of about this length, s, longer than the robot remembers, are taken as independent.
-STRETCH = 0.8
-
-
 def stretches(rows: np.ndarray, sim: Linearised) -> np.ndarray:
     """Rows (W, l, m, n) of windows as rows (stretches, r, n)."""
     windows, length, _, count = rows.shape
-    parts = max(1, round(length * samples_a_row(sim) * sim.log.dt / STRETCH))
+    parts = max(1, round(length * samples_a_row(sim) * sim.log.dt / SETTINGS.stretch))
     length -= length % parts
     return rows[:, :length].reshape(windows * parts, -1, count)
 
 
 def samples_a_row(sim: Linearised) -> int:
     """Samples that are averaged to one row."""
-    return max(1, round(1.0 / (RATE * sim.log.dt)))
+    return max(1, round(1.0 / (SETTINGS.table_rate * sim.log.dt)))
 
 
 def score(rows: np.ndarray, share: np.ndarray, base: int) -> np.ndarray:
@@ -396,7 +384,7 @@ def summed(scores: np.ndarray, together: np.ndarray) -> np.ndarray:
 
 
 def averaged(sim: Linearised, rows: np.ndarray) -> np.ndarray:
-    """Settled samples (W, L, m, n) averaged to about RATE, as rows (W, l, m, n)."""
+    """Settled samples (W, L, m, n) averaged to about the rate of the table, as rows (W, l, m, n)."""
     rows = settled(sim, rows)
     together = samples_a_row(sim)
     count = rows.shape[1] // together

@@ -7,36 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.diagnosis.score_table import ScoreTable
+from ident.diagnosis.settings import SETTINGS
 from ident.diagnosis.trials import Trial
-
-# Share of the squared free-run error that an effect must remove where it was not fitted.  Robots
-# with real rollers and nothing hidden feign up to 4 %.
-LEAST_GAIN = 0.06
-SIGNIFICANT = 0.05
-# What acts in a few moments only cannot be significant by the signs of many; removing this share of
-# the squared error where it was not fitted is evidence enough.
-OVERWHELMING = 0.5
-# So is removing nearly all of it where it was fitted and this share elsewhere.
-ALL, SOME = 0.9, 0.25
-# Times that were left out do not foretell what changes with time: where that removes this share of
-# the squared error that it is fitted to, the share counts as its gain.
-CHANGING = 0.2
-# Estimates may miss a bound by this share of the typical size.
-SLACK = 0.25
-# Where more than this share of the error that noise does not explain would be left, something
-# unknown prevails, and only effects of at least this share of their typical size are believed.
-PREVAILING, SIZEABLE = 0.5, 0.5
-# Refined are trials with at least this share of the best gain, and at most so many effects.
-WORTH, MOST = 0.4, 5
-# Also refined are trials that explain this share of what the best explains where it is fitted.
-AS_WELL = 0.85
-# Friction that stops a robot removes up to this many times more than its trace along a motion that
-# does not stop foretells (measured 2.3 on a robot that coasts in the model only).
-HOPE = 1.0 / 3.0
-# A trial of single wheels must gain this much more than one of all alike.
-SPLIT = 0.02
-# A form that leaves less than this share of what another one leaves is the better one anyway.
-INCOMPARABLY = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +42,8 @@ class Shortlist:
         passing = [
             k
             for k in self._admissible()
-            if self.trial(k).effect.background and (self._gained(k) or self.gains[k] > SOME)
+            if self.trial(k).effect.background
+            and (self._gained(k) or self.gains[k] > SETTINGS.some_elsewhere)
         ]
         return max(passing, key=lambda k: self.gains[k]) if passing else None
 
@@ -84,7 +57,7 @@ class Shortlist:
         if not found:
             return []
         explained = self.table.explained
-        least = AS_WELL * explained(found[0])
+        least = SETTINGS.as_well * explained(found[0])
         known = {self.trial(k).identifier for k in found}
         rivals = [
             k
@@ -95,8 +68,10 @@ class Shortlist:
             and self._possible(k)
             and self._named(k)
         ]
-        worth = [k for k in found if self.gains[k] >= WORTH * self.gains[found[0]]]
-        return (worth + self._best_forms(rivals))[:MOST]
+        worth = [
+            k for k in found if self.gains[k] >= SETTINGS.worth_refining * self.gains[found[0]]
+        ]
+        return (worth + self._best_forms(rivals))[: SETTINGS.most_refined]
 
     def hopeful(self) -> list[int]:
         """Trials that may pass when refined though their linear traces do not; best forms."""
@@ -104,7 +79,7 @@ class Shortlist:
         found = [
             k
             for k in self._admissible()
-            if self.enough(explained(k), HOPE * LEAST_GAIN) and self._named(k)
+            if self.enough(explained(k), SETTINGS.hope * SETTINGS.least_gain) and self._named(k)
         ]
         return self._best_forms(found)
 
@@ -126,17 +101,17 @@ class Shortlist:
         """
         left = [1.0 - self.table.explained(k) for k in (number, old)]
         split = self.trial(number).per_wheel - self.trial(old).per_wheel
-        if (self.wheels_agree and not split) or min(left) < INCOMPARABLY * max(left):
+        if (self.wheels_agree and not split) or min(left) < SETTINGS.incomparably * max(left):
             return left[0] < left[1]
-        return bool(self.gains[number] > self.gains[old] + SPLIT * split)
+        return bool(self.gains[number] > self.gains[old] + SETTINGS.split_gain * split)
 
     def _credible(self, number: int) -> bool:
         """Tell whether a trial is large enough for what would still be unexplained with it."""
         unexplained = self.error - self.floor
         left = (1.0 - self.table.explained(number)) * self.error - self.floor
-        if left <= PREVAILING * unexplained:
+        if left <= SETTINGS.prevailing * unexplained:
             return True
-        return self._relative_size(number) >= SIZEABLE
+        return self._relative_size(number) >= SETTINGS.sizeable
 
     def _relative_size(self, number: int) -> float:
         """Largest estimated size of a trial in units of the typical one."""
@@ -154,14 +129,16 @@ class Shortlist:
 
     def _sure(self, number: int) -> bool:
         gain = self.gains[number]
-        if self.p[number] < SIGNIFICANT or gain > OVERWHELMING:
+        if self.p[number] < SETTINGS.significant or gain > SETTINGS.overwhelming:
             return True
-        return bool(gain > SOME and self.table.explained(number) > ALL)
+        return bool(
+            gain > SETTINGS.some_elsewhere and self.table.explained(number) > SETTINGS.nearly_all
+        )
 
     def _possible(self, number: int) -> bool:
-        return self.trial(number).possible(self.table.coefficients(number), SLACK)
+        return self.trial(number).possible(self.table.coefficients(number), SETTINGS.bound_slack)
 
-    def enough(self, gain: float, least: float = LEAST_GAIN) -> bool:
+    def enough(self, gain: float, least: float = SETTINGS.least_gain) -> bool:
         """Tell whether a gain is enough: of what is left, or of all where rollers may feign it."""
         share = 1.0 if self.wheels_agree else min(1.0, self.error / self.origin)
         return gain * share > least
@@ -180,22 +157,13 @@ class Shortlist:
 def gain_of(table: ScoreTable, number: int) -> float:
     """Share of the squared error that a trial removes where it was not fitted.
 
-    Of what changes with time see ``CHANGING``.
+    Of what changes with time see ``SETTINGS.changing``.
     """
     gain = table.gain(number)
     if not table.trials[number].effect.needs_time:
         return gain
     explained = table.explained(number)
-    return max(gain, explained) if explained > CHANGING else gain
-
-
-# A pair must leave at most this share of what the best single effect leaves where it was not
-# fitted, and neither half may be able to do without the other.
-CLEARLY = 0.5
-# Forms of each effect that are paired, and pairs that are judged where they were not fitted.
-FORMS, JUDGED = 2, 40
-# Squared error that one more coefficient must remove, as a share of what is left.
-PRICE = 0.02
+    return max(gain, explained) if explained > SETTINGS.changing else gain
 
 
 def best_pair(table: ScoreTable, alone: float) -> tuple[int, int] | None:
@@ -212,13 +180,13 @@ def best_pair(table: ScoreTable, alone: float) -> tuple[int, int] | None:
     found, best, judged = None, alone, set()
     for first, second in _promising(table):
         pair = frozenset((table.trials[first].identifier, table.trials[second].identifier))
-        if len(judged | {pair}) > JUDGED:
+        if len(judged | {pair}) > SETTINGS.pairs_judged:
             break
         judged.add(pair)
         gain = table.gain(second, beside=first)
         if gain > best and _sensible(table, first, second):
             found, best = (first, second), gain
-    if found is None or 1.0 - best > CLEARLY * (1.0 - alone):
+    if found is None or 1.0 - best > SETTINGS.pair_clearly * (1.0 - alone):
         return None
     return tuple(sorted(found, key=lambda k: -table.explained(k)))
 
@@ -232,7 +200,7 @@ def _promising(table: ScoreTable) -> list[tuple[int, int]]:
     for k in np.argsort(-alone):
         name = table.trials[k].identifier
         seen[name] = seen.get(name, 0) + 1
-        if seen[name] <= FORMS and not table.trials[k].effect.background:
+        if seen[name] <= SETTINGS.pair_forms and not table.trials[k].effect.background:
             starts.append(int(k))
     pairs = []
     for first in starts:
@@ -244,12 +212,14 @@ def _promising(table: ScoreTable) -> list[tuple[int, int]]:
             # Coefficients that must stay near one are those of the second.
             if trial.linear <= table.trials[first].linear:
                 left = 1.0 - table.explained(second, beside=first)
-                pairs.append((left * (1 + PRICE * (sizes[first] + sizes[second])), first, second))
+                pairs.append(
+                    (left * (1 + SETTINGS.price * (sizes[first] + sizes[second])), first, second)
+                )
     return [(first, second) for _, first, second in sorted(pairs)]
 
 
 def _sensible(table: ScoreTable, *pair: int) -> bool:
     return all(
-        table.trials[one].possible(table.coefficients(one, beside=other), SLACK)
+        table.trials[one].possible(table.coefficients(one, beside=other), SETTINGS.bound_slack)
         for one, other in (pair, pair[::-1])
     )

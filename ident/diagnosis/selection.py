@@ -11,17 +11,13 @@ from scipy.special import stdtrit
 from ident.diagnosis.lack_of_fit import Dependence
 from ident.diagnosis.refit import Candidate, Refits, candidate, window_losses, without
 from ident.diagnosis.rounds import Round
-from ident.diagnosis.screening import LEAST_GAIN
+from ident.diagnosis.settings import SETTINGS
 from ident.diagnosis.splits import FIT, SELECT, Part
 from ident.output_error import OutputError
 from ident.results import Quantity
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
-
-MOST_EFFECTS, ROUNDS = 3, 6
-# Times that all steps are chosen again; the second only where the first has changed one.
-PASSES = 2
 
 
 @dataclass
@@ -177,14 +173,14 @@ def search(
         seed: of the bootstraps.
         tell: called with what is being done.
     """
-    sources = np.random.SeedSequence(seed).spawn(MOST_EFFECTS + 2)
+    sources = np.random.SeedSequence(seed).spawn(SETTINGS.most_effects + 2)
     seeds = [int(source.generate_state(1)[0]) for source in sources]
     tell("trying every effect")
     first = Round.of(parts, simulations, generic, seeds[0])
     at = Search(Refits(parts), base, generic, seeds, tell, first, first, [])
     at.add_background()
-    for _ in range(ROUNDS):
-        if len(at.real) == MOST_EFFECTS and not at.prune():
+    for _ in range(SETTINGS.most_rounds):
+        if len(at.real) == SETTINGS.most_effects and not at.prune():
             break
         tell("comparing rivals")
         group = at.last.choose()
@@ -193,7 +189,7 @@ def search(
         at.outside = not at.real and at.last.outside(group[0] if group else None)
         # Where the wheels agree the end shows better whether effects leave too much: two effects
         # may look like one that is not in the library.
-        room = len(at.real) <= MOST_EFFECTS - 2  # for two at once
+        room = len(at.real) <= SETTINGS.most_effects - 2  # for two at once
         hoped = at.last.hoped() if room and not (group or at.outside) else []
         for found in hoped[:-1]:
             at.add([found], float(at.last.p[found.number]))
@@ -205,7 +201,7 @@ def search(
         at.last = at.after(group[0].simulations, at.last.origin)
         at.add_background()
     at.steps = without_idle(at.fits, base.model, at.steps)
-    for _ in range(PASSES):
+    for _ in range(SETTINGS.passes):
         at.settle()
     return at
 
@@ -290,7 +286,9 @@ def without_idle(fits: Refits, base: Model, steps: list[Step]) -> list[Step]:
     kept = list(steps)
     for step in steps[:-1]:
         full = with_steps(base, kept)
-        idle = loss(without(full, step.best.identifier)) < loss(full) / (1.0 - 0.5 * LEAST_GAIN)
+        idle = loss(without(full, step.best.identifier)) < loss(full) / (
+            1.0 - 0.5 * SETTINGS.least_gain
+        )
         if idle:
             kept = [other for other in kept if other is not step]
     return kept

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ident.diagnosis.judge import INERTIAL
+from ident.diagnosis.settings import SETTINGS
 from ident.free_run import cut_windows
 from ident.log import Log
 from ident.noise_floor import noise_floor
@@ -17,15 +18,6 @@ from youbot_env.effects.base import Effect
 from youbot_env.model import Model
 
 FIT, SELECT, VERIFY = 0, 1, 2
-# Of a second log this share, from its start, helps to choose; the rest is kept for the end.
-CHOOSING = 0.6
-# A second log with fewer windows than this is all kept for the end.
-FEWEST = 8
-# Where there is no second log, every so many windows of the first are kept for the end; of so many
-# runs or more, whole ones.
-KEPT = 5
-# An axis of which noise leaves no more than this share of its error hardly counts.
-LEAST_SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,16 +81,18 @@ def divide(logs: list[Log], tests: list[Log], model: Model) -> list[Part]:
         run = log.run_of(log.time[index[:, 0]])
         role = np.full(len(run), FIT)
         if not tests:
-            kept = run if run[-1] >= KEPT - 1 else np.arange(len(run))
-            role[kept % KEPT == KEPT - 1] = VERIFY
+            kept = run if run[-1] >= SETTINGS.kept_every - 1 else np.arange(len(run))
+            role[kept % SETTINGS.kept_every == SETTINGS.kept_every - 1] = VERIFY
         parts.append(_part(log, role, index))
     for log in tests:
         index = _rows(log, model)
         count = len(index)
         role = np.full(count, VERIFY)
-        if count >= FEWEST:
+        if count >= SETTINGS.fewest_windows:
             early = log.time[index[:, 0]] < choosing_until(log)
-            role[early if log.runs else np.arange(count) < round(CHOOSING * count)] = SELECT
+            role[early if log.runs else np.arange(count) < round(SETTINGS.choosing * count)] = (
+                SELECT
+            )
         parts.append(_part(log, role, index))
     return parts
 
@@ -112,8 +106,8 @@ def _part(log: Log, role: np.ndarray, index: np.ndarray) -> Part:
 def choosing_until(log: Log) -> float:
     """Time, s, at which the part of a second log for choosing ends, with a run if it can."""
     if log.runs:
-        return log.runs[round(CHOOSING * len(log.runs))][1]
-    return log.time[0] + CHOOSING * log.duration
+        return log.runs[round(SETTINGS.choosing * len(log.runs))][1]
+    return log.time[0] + SETTINGS.choosing * log.duration
 
 
 def _rows(log: Log, model: Model) -> np.ndarray:
@@ -156,7 +150,7 @@ def by_axis(parts: list[Part], simulations: tuple[Linearised, ...]) -> list[Part
             error = _by_axis(parts, simulations, role)
             floors = [sum(noise_floor(s)) for p, s in zip(parts, simulations, strict=True)
                       if p.windows(role).any()]  # fmt: skip
-            beyond = np.maximum(1.0 - np.mean(floors, axis=0) / error, LEAST_SHARE)
+            beyond = np.maximum(1.0 - np.mean(floors, axis=0) / error, SETTINGS.least_axis_share)
             weights[role] = np.sqrt(beyond / error)
     return [
         replace(part, weights=weights[FIT if part.windows(FIT).any() else max(weights)])

@@ -11,6 +11,7 @@ from scipy.linalg import null_space
 from scipy.signal import find_peaks
 
 from ident.dead_reckoning import dead_reckoning, wheel_angles
+from ident.diagnosis.settings import SETTINGS
 from ident.identifiability_words import NEGLIGIBLE
 from ident.log import Log
 from ident.regression import build_regression
@@ -306,12 +307,6 @@ def brackets(active: ActiveEffect, log: Log) -> dict[str, tuple[float, float]]:
     return found
 
 
-# Orders looked at, periods a turn: slower ones are the motion itself.
-LOWEST, HIGHEST = 0.8, 24.0
-# Bins of the angle, rad, fine enough for the highest order, and length of the transform.
-BIN, LENGTH = 0.04, 1 << 16
-
-
 def strongest_orders(log: Log, model: Model, count: int = 3) -> tuple[float, ...]:
     """Orders of the largest peaks in the spectrum over wheel angles of the residual torques.
 
@@ -326,15 +321,17 @@ def strongest_orders(log: Log, model: Model, count: int = 3) -> tuple[float, ...
     residual = residual / (regression.lever, regression.lever, 1.0)
     torque = residual @ np.linalg.pinv(log.platform.jacobian_array)
     angle = wheel_angles(log)[np.searchsorted(log.time, regression.time)]
-    power = np.zeros(LENGTH // 2 + 1)
+    power = np.zeros(SETTINGS.transform_length // 2 + 1)
     for wheel in range(angle.shape[1]):
-        bins = ((angle[:, wheel] - angle[:, wheel].min()) / BIN).astype(int)
-        if bins.max() >= LENGTH:
-            bins %= LENGTH
-        held = np.bincount(bins, torque[:, wheel] - torque[:, wheel].mean(), LENGTH)
+        bins = ((angle[:, wheel] - angle[:, wheel].min()) / SETTINGS.angle_bin).astype(int)
+        if bins.max() >= SETTINGS.transform_length:
+            bins %= SETTINGS.transform_length
+        held = np.bincount(
+            bins, torque[:, wheel] - torque[:, wheel].mean(), SETTINGS.transform_length
+        )
         power += np.abs(np.fft.rfft(held)) ** 2
-    order = 2 * np.pi * np.fft.rfftfreq(LENGTH, BIN)
-    inside = (order > LOWEST) & (order < HIGHEST)
+    order = 2 * np.pi * np.fft.rfftfreq(SETTINGS.transform_length, SETTINGS.angle_bin)
+    inside = (order > SETTINGS.lowest_order) & (order < SETTINGS.highest_order)
     order, power = order[inside], power[inside]
     peaks, _ = find_peaks(power)
     best = peaks[np.argsort(-power[peaks])[:count]]

@@ -7,9 +7,8 @@ import numpy as np
 from ident.comparison import compare
 from ident.consistency import invisible
 from ident.diagnosis.diagnose import Diagnosis
-from ident.diagnosis.experiments import CERTAIN
-from ident.diagnosis.minimum_detectable import POWER, MinimumDetectable
-from ident.diagnosis.screening import CHANGING, LEAST_GAIN
+from ident.diagnosis.minimum_detectable import MinimumDetectable
+from ident.diagnosis.settings import SETTINGS
 from ident.log import Log
 from ident.recording_words import in_words
 from ident.report import motion
@@ -61,10 +60,10 @@ def lead(found: Diagnosis) -> str:
     return (
         f"{found.log}: {len(found.minimum_detectable)} effects were tried on {used:.0f} s of "
         f"motion. An effect counts when it is significant among all that were tried and removes "
-        f"more than {100 * LEAST_GAIN:.0f} % of the squared free-run error of stretches to which "
-        f"it was not fitted; what changes with time {100 * CHANGING:.0f} % of that to which it "
-        f"was. {found.errors.windows} windows were kept for the end; nothing was fitted to them or "
-        "chosen by them."
+        f"more than {100 * SETTINGS.least_gain:.0f} % of the squared free-run error of stretches "
+        f"to which it was not fitted; what changes with time {100 * SETTINGS.changing:.0f} % of "
+        f"that to which it was. {found.errors.windows} windows were kept for the end; nothing was "
+        "fitted to them or chosen by them."
     )
 
 
@@ -130,7 +129,8 @@ def _tried(found: Diagnosis) -> Section:
         "together with the base parameters; of those that then fit alike the simplest is added "
         "(bold). An effect that is looked for and not there makes errors larger where it was not "
         "fitted; an arrow: by more than the picture shows. Right: the smallest size that these "
-        f"logs show with a chance of {100 * POWER:.0f} %, and the chance to see the typical size."
+        f"logs show with a chance of {100 * SETTINGS.power:.0f} %, and the chance to see the typical "
+        "size."
     )
     if found.first.parts[0].log.drive == "voltage":
         caption += " Typical are sizes in N m; beside sizes in volts they say little."
@@ -216,8 +216,8 @@ def _experiment(found: Diagnosis) -> Section | None:
 
 def odds(value: float) -> str:
     """Odds as people say them."""
-    if value >= CERTAIN:
-        return f"more than {CERTAIN:,.0f} to 1"
+    if value >= SETTINGS.certain_odds:
+        return f"more than {SETTINGS.certain_odds:,.0f} to 1"
     return f"{value:,.0f} to 1" if value >= 9.5 else f"{value:.1f} to 1"
 
 

@@ -10,7 +10,7 @@ from scipy.signal import periodogram
 from ident.comparison import Comparison
 from ident.comparison.moments import wheel_torques
 from ident.diagnosis.diagnose import Diagnosis
-from ident.diagnosis.screening import LEAST_GAIN
+from ident.diagnosis.settings import SETTINGS
 from ident.diagnosis.splits import VERIFY, Part
 from ident.free_run import FreeRun, free_run
 from ident.report import compare_where, motion
@@ -186,7 +186,8 @@ def _told(name: str, signals: list[tuple[str, float]]) -> str:
     if not signals:
         return (
             "No signal that was tried (speeds, torque, heading, place, time, wheel angle, history "
-            f"of the direction) explains {100 * LEAST_GAIN:.0f} % of the error of the {name}."
+            f"of the direction) explains {100 * SETTINGS.least_gain:.0f} % of the error of the "
+            f"{name}."
         )
     gains = ", ".join(f"{signal} ({percent(gain)})" for signal, gain in signals)
     return f"Error of the {name}, with the share of its square behind each signal: {gains}."

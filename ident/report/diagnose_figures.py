@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ident.diagnosis.holdout import FreeRunErrors
-from ident.diagnosis.minimum_detectable import POWER, MinimumDetectable
-from ident.diagnosis.screening import LEAST_GAIN, OVERWHELMING, SIGNIFICANT
+from ident.diagnosis.minimum_detectable import MinimumDetectable
+from ident.diagnosis.settings import SETTINGS
 from ident.improvement import LUMPS
 from ident.report.estimates import symbol
 from ident.report.look import (
@@ -50,10 +50,10 @@ def _draw_gains(
 
     axis = canvas.add_axes((0.2, 0.55 / height, 0.43, 1 - 1.25 / height))
     axis.axvline(0.0, color=MEASURED, linewidth=1.0)
-    axis.axvline(100 * LEAST_GAIN, color=NOMINAL, linewidth=1.4)
+    axis.axvline(100 * SETTINGS.least_gain, color=NOMINAL, linewidth=1.4)
     for row, one in enumerate(shown):
-        sure = one.p < SIGNIFICANT or one.gain > OVERWHELMING
-        color = IDENTIFIED if sure and one.gain > LEAST_GAIN else MEASURED
+        sure = one.p < SETTINGS.significant or one.gain > SETTINGS.overwhelming
+        color = IDENTIFIED if sure and one.gain > SETTINGS.least_gain else MEASURED
         at = 100 * max(one.gain, LOWEST)
         axis.plot((0.0, at), (row, row), color=color, linewidth=2.4, solid_capstyle="butt")
         marker = "<" if one.gain < LOWEST else "o"
@@ -61,7 +61,7 @@ def _draw_gains(
         axis.plot(at, row, marker, color=color, markerfacecolor=filled, markersize=6)
         smallest = "never" if one.smallest is None else f"{one.smallest:.2g} {pretty(one.unit)}"
         style = {"va": "center", "fontsize": 9.5, "xycoords": ("axes fraction", "data"),
-                 "color": INK if one.power >= POWER else SOFT}  # fmt: skip
+                 "color": INK if one.power >= SETTINGS.power else SOFT}  # fmt: skip
         axis.annotate(f"{one.parameter} = {smallest}", (1.05, row), **style)
         axis.annotate(f"{one.typical:.2g}", (1.52, row), ha="right", **style)
         axis.annotate(f"{100 * one.power:.0f} %", (1.74, row), ha="right", **style)
