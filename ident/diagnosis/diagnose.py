@@ -411,8 +411,8 @@ def _judge(
         ) + "".join(f"; {s.best.identifier}, of the recording, is there" for s in steps
                     if s.recording)  # fmt: skip
         return "nothing_missing", (
-            f"no effect removes {100 * SETTINGS.least_gain:.0f} % of the squared error where it was "
-            f"not fitted; the {errors.what} is {100 * errors.after:.3g} %, beside "
+            f"no effect removes {100 * SETTINGS.least_gain:.0f} % of the squared error where it "
+            f"was not fitted; the {errors.what} is {100 * errors.after:.3g} %, beside "
             f"{errors.excuse}{background}"
         )
     if errors.remaining[-1] >= 1.0 or errors.after >= errors.before:

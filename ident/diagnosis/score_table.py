@@ -384,7 +384,7 @@ def summed(scores: np.ndarray, together: np.ndarray) -> np.ndarray:
 
 
 def averaged(sim: Linearised, rows: np.ndarray) -> np.ndarray:
-    """Settled samples (W, L, m, n) averaged to about the rate of the table, as rows (W, l, m, n)."""
+    """Settled samples (W, L, m, n) averaged to about ``table_rate``, as rows (W, l, m, n)."""
     rows = settled(sim, rows)
     together = samples_a_row(sim)
     count = rows.shape[1] // together

@@ -129,8 +129,8 @@ def _tried(found: Diagnosis) -> Section:
         "together with the base parameters; of those that then fit alike the simplest is added "
         "(bold). An effect that is looked for and not there makes errors larger where it was not "
         "fitted; an arrow: by more than the picture shows. Right: the smallest size that these "
-        f"logs show with a chance of {100 * SETTINGS.power:.0f} %, and the chance to see the typical "
-        "size."
+        f"logs show with a chance of {100 * SETTINGS.power:.0f} %, and the chance to see the "
+        "typical size."
     )
     if found.first.parts[0].log.drive == "voltage":
         caption += " Typical are sizes in N m; beside sizes in volts they say little."
