@@ -1,4 +1,12 @@
-"""What a controller does where an observation is no observation: raise, hold, or brake."""
+"""What a controller does where an observation is no observation: raise, hold, or brake.
+
+A sensor that shows the same digits again and again may be right: the robot stands, or drives
+steadily, and the sensor has coarse steps.  It is wrong where the velocity must have changed.  That
+needs no law of friction: as long as the velocity is the same, what resists is the same force,
+whatever it is.  So the velocity that the torques make is a straight line over time, but for what
+coarse steps hide; a bend is a change of velocity that nothing shows.  A robot that stands may be
+held by dry friction or a wall, whatever the torques; there, and else too, the pose tells.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""Which combinations of parameters a motion or a log determines, and estimation within those."""
+"""Which combinations of parameters a motion or a log determines, and estimation within those.
+
+Everything is read off the Gramian ``W = int H'H dt`` of the regression ``y = H x`` in the paper's
+coordinates x1..x7 (eq. 7): directions without a trace, directions with a faint one, how far
+parameters inflate each other's variance, and which blocks of parameters are independent.
+
+A direction without a trace is not estimated: noise in the columns would make numbers of it, with
+small standard errors and no meaning.
+"""
 
 from __future__ import annotations
 

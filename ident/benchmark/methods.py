@@ -2,6 +2,11 @@
 
 A method is a function ``(fit, verify, seed) -> answer`` of logs of one robot, with the answer in
 the form of ``Diagnosis.as_dict``: ``verdict`` and ``named`` at least.
+
+Two public tools for sparse models are among them, PySINDy and SysIdentPy.  Both get what this
+project has: the filtered equations, and the column of every effect of the library at its typical
+size, so that they need not invent it, beside generic functions of the velocities.  Neither package
+is needed for anything else.
 """
 
 from __future__ import annotations

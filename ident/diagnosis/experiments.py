@@ -1,4 +1,8 @@
-"""Motions that show one kind of behaviour each, and the one that would tell rivals apart best."""
+"""Motions that show one kind of behaviour each, and the one that would tell rivals apart best.
+
+``python -m ident.diagnosis.experiments`` writes them to youbot_env/motions, where ``youbot record
+--motion`` and the environments find them.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 Besides what another record has of its own: a floor that slopes there and not where the robot was
 fitted.
+
+A record with something of its own would otherwise count against every effect that the fitted one
+shows.
 """
 
 from __future__ import annotations

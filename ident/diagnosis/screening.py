@@ -1,4 +1,9 @@
-"""Which of the trials, alone or two at once, pass, and which of them are worth refining."""
+"""Which of the trials, alone or two at once, pass, and which of them are worth refining.
+
+Alone each of two missing effects is judged by errors that the other one causes: its size comes out
+wrong, and on another motion it may help nothing.  On inner products a pair costs no more than a
+single effect, so all pairs are tried.
+"""
 
 from __future__ import annotations
 

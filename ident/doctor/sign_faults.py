@@ -3,6 +3,8 @@
 Wheel speeds, drive input and every measurement or command of the body motion are compared by their
 fingerprints.  Faults considered: another arrangement of the wheel speeds, of the drive input, or of
 both alike, and other axes of one source of body motion.
+
+An arrangement is a signed order of wheels: which column holds which wheel, and with which sign.
 """
 
 from __future__ import annotations

@@ -2,6 +2,11 @@
 
 When the simplest one is unique it is put right; when two are equally simple the log is refused and
 both are named.
+
+Seen from above, mecanum rollers form an X in one arrangement and an O in the other (each wheel's
+roller angle negated).  Sideways motion is then opposite, and so is yaw on a platform that is longer
+than wide, as if left and right were exchanged in all columns.  The size of the yaw tells: it acts
+on l - h in place of l + h.
 """
 
 from __future__ import annotations

@@ -2,6 +2,9 @@
 
 Residuals are coloured (rollers change, wheels slip), so covariances come from leaving out stretches
 of time, one after the other, and never from single rows.
+
+The normal equations hold pose against odometry, and wheels against each other.  Everything is kept
+by clusters, stretches of time whose residuals are independent of each other.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""The bodies of a robot with real rollers: placing them on the floor and reading their motion."""
+"""The bodies of a robot with real rollers: placing them on the floor and reading their motion.
+
+A wheel table becomes a tree: floor, platform on a free joint at O, wheels on stiff mounts, rollers
+on the wheels.  Masses and frictions are written into the compiled model by ``set_theta``.
+"""
 
 from __future__ import annotations
 
