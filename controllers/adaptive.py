@@ -15,7 +15,7 @@ from controllers.estimator import OPS, Estimator
 from youbot_env import dynamics
 from youbot_env.dynamics import Theta
 from youbot_env.model import Model
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 
 SIZE = len(Theta._fields)
 # Standard deviation of the filtered forces that the model does not explain, N, N, N m.
@@ -136,7 +136,7 @@ class Adaptive(ComputedTorque):
         return learned
 
 
-def regression(structure: Structure) -> ca.Function:
+def regression(structure: ModelStructure) -> ca.Function:
     """Trace the terms of the regression over one control period.
 
     Returns:

@@ -12,7 +12,7 @@ from controllers.estimator import OPS
 from controllers.inverse import SETTLED, feedforward
 from youbot_env.backend import FLOAT
 from youbot_env.model import Model
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 from youbot_env.stepping import pose_rate
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def rate_function(model: Model) -> ca.Function:
     Raises:
         ValueError: the model has a pure delay, which no finite state describes.
     """
-    structure = Structure.of(model)
+    structure = ModelStructure.of(model)
     delayed = [e.identifier for e in structure.effects if e.acts("delay")]
     if delayed:
         raise ValueError(
@@ -62,7 +62,7 @@ def rate_function(model: Model) -> ca.Function:
 
 def state_names(model: Model) -> list[str]:
     """Names of the states: pose, body velocity, then what the effects of the model need."""
-    structure = Structure.of(model)
+    structure = ModelStructure.of(model)
     names = ["x", "y", "yaw", "V_X", "V_Y", "Omega"]
     if structure.track_wheels:
         names += [f"wheel_angle_{wheel}" for wheel in model.platform.wheel_names]
@@ -111,7 +111,7 @@ def linear_system(
     """
     import control
 
-    structure = Structure.of(model)
+    structure = ModelStructure.of(model)
     robot, rest = structure.bind(model.values()), structure.rest((0.0, 0.0, yaw), tuple(velocity))
     held = feedforward(robot, rest, rest.velocity, (0.0,) * 3, 0.0, LARGEST_TORQUE, FLOAT)
     s = robot.signals(0.0, rest.velocity, rest.pose, rest.wheel_angle, held, FLOAT)

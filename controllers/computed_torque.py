@@ -8,7 +8,7 @@ from controllers.estimator import OPS
 from controllers.inverse import drive_command, required_wrench, shaft_torque, without
 from controllers.law import LawController, LawSettings, Tracking
 from youbot_env.envs.task import TrackingTask
-from youbot_env.plant import Robot
+from youbot_env.plant import BoundModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class ComputedTorque(LawController):
     name = "computed_torque"
     Settings = Settings
 
-    def command(self, tracking: Tracking, robot: Robot, extra: list) -> tuple:
+    def command(self, tracking: Tracking, robot: BoundModel, extra: list) -> tuple:
         """See the base class."""
         w, d = self.settings.bandwidth, self.settings.damping
         acceleration = tuple(
@@ -57,7 +57,9 @@ class ComputedTorque(LawController):
         return commands_for(wrench, tracking, robot, self.task)
 
 
-def wrench_for(acceleration: tuple, velocity: tuple, tracking: Tracking, robot: Robot) -> tuple:
+def wrench_for(
+    acceleration: tuple, velocity: tuple, tracking: Tracking, robot: BoundModel
+) -> tuple:
     """Generalized forces at a velocity for the second derivative of the pose in body axes."""
     s = _signals(velocity, tracking, robot)
     vx, vy, omega = velocity
@@ -65,7 +67,7 @@ def wrench_for(acceleration: tuple, velocity: tuple, tracking: Tracking, robot: 
     return required_wrench(s, rates)
 
 
-def commands_for(wrench: tuple, tracking: Tracking, robot: Robot, task: TrackingTask) -> tuple:
+def commands_for(wrench: tuple, tracking: Tracking, robot: BoundModel, task: TrackingTask) -> tuple:
     """Torque commands (n,), N m, for generalized forces, with effects at the reference velocity.
 
     What the disturbance already pushes is taken off.
@@ -76,6 +78,6 @@ def commands_for(wrench: tuple, tracking: Tracking, robot: Robot, task: Tracking
     return drive_command(robot, torque, s, internal, task.dt, task.torque_limit, OPS)
 
 
-def _signals(velocity: tuple, tracking: Tracking, robot: Robot):
+def _signals(velocity: tuple, tracking: Tracking, robot: BoundModel):
     state, rest = tracking.state, (0.0,) * len(robot.platform.wheels)
     return robot.signals(tracking.t, velocity, state.pose, state.wheel_angle, rest, OPS)

@@ -22,7 +22,7 @@ from youbot_env.compiled import advance_function
 from youbot_env.dynamics import Theta, momentum
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model import Model
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 from youbot_env.simulation import choose_substeps
 from youbot_env.stepping import pose_rate, rk4_step
 
@@ -37,7 +37,7 @@ class Situation(NamedTuple):
 
     Attributes:
         t: that time since the start of the episode, s.
-        state: flat state of the model then (``Structure.flatten``).
+        state: flat state of the model then (``ModelStructure.flatten``).
         wanted: pose of the reference then, world frame; its yaw is within pi of the robot's.
         twist: velocities of the reference then, in its own frame.
         disturbance: generalized forces on the body beyond those of the model, body frame.
@@ -96,7 +96,7 @@ class Estimator:
         pose_time: float = 0.0,
         disturbance_time: float = math.inf,
     ):
-        self.structure, self.task = Structure.of(model), task
+        self.structure, self.task = ModelStructure.of(model), task
         self._pose_share = 1.0 - math.exp(-task.dt / pose_time) if pose_time else 1.0
         self._push_share = 1.0 - math.exp(-task.dt / disturbance_time)
         self.substeps = choose_substeps(model, task.dt)

@@ -12,7 +12,7 @@ import numpy as np
 from youbot_env import dynamics
 from youbot_env.backend import Ops, weighted_sum
 from youbot_env.effects import Signals
-from youbot_env.plant import Robot, State
+from youbot_env.plant import BoundModel, State
 
 # A law on the shaft that takes a share k of the torque leaves the error k^n after n rounds.
 SHAFT_ROUNDS = 6
@@ -37,7 +37,7 @@ def without(disturbance: tuple, wrench: tuple) -> tuple:
     return tuple(w - d for w, d in zip(wrench, disturbance, strict=True))
 
 
-def shaft_torque(robot: Robot, wrench: tuple, s: Signals, internal: tuple, ops: Ops) -> tuple:
+def shaft_torque(robot: BoundModel, wrench: tuple, s: Signals, internal: tuple, ops: Ops) -> tuple:
     """Shaft torques (n,), N m, with which all forces on the body together are ``wrench``.
 
     The wrench is shared out by the pseudo-inverse of J', the smallest torques that give it; they
@@ -53,7 +53,7 @@ def shaft_torque(robot: Robot, wrench: tuple, s: Signals, internal: tuple, ops: 
 
 
 def drive_command(
-    robot: Robot, torque: tuple, s: Signals, internal: tuple, h, limit: float, ops: Ops
+    robot: BoundModel, torque: tuple, s: Signals, internal: tuple, h, limit: float, ops: Ops
 ) -> tuple:
     """Commands (n,), N m, within the limit, with which the drive delivers ``torque`` after h s."""
     if not robot.acting("drive"):
@@ -80,7 +80,7 @@ def drive_command(
 
 
 def feedforward(
-    robot: Robot,
+    robot: BoundModel,
     state: State,
     v: tuple,
     acceleration: tuple,

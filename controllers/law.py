@@ -15,7 +15,7 @@ from controllers.estimator import OPS, Estimator, Situation
 from controllers.preview import preview_weights
 from youbot_env.arguments import check_kind
 from youbot_env.model import Model
-from youbot_env.plant import Robot, State, Structure
+from youbot_env.plant import BoundModel, ModelStructure, State
 from youbot_env.references import rotate_to_body
 
 
@@ -96,7 +96,7 @@ class LawController(Controller):
     def set_model(self, model: Model) -> None:
         """See the base class; compiles when the effects are new to this controller."""
         period = self.task.dt * self.task.preview_stride
-        delay = Structure.of(model).bind(model.values()).delay()
+        delay = ModelStructure.of(model).bind(model.values()).delay()
         needed = max(2, math.ceil((delay + self.task.dt) / period - 1e-9))
         if self.task.preview < needed:
             raise ValueError(
@@ -163,7 +163,7 @@ class LawController(Controller):
         outputs = ca.vertsplit(joined, [0, len(self.task.platform.wheels), joined.numel()])
         return ca.Function("law", [*inputs, *extra], outputs)
 
-    def situate(self) -> tuple[list, Situation, Tracking, Robot]:
+    def situate(self) -> tuple[list, Situation, Tracking, BoundModel]:
         """Make symbols of the law's inputs and what follows from them."""
         task, count, estimate = self.task, self.task.preview + 1, self.estimator.build()
         seen, yaw, memory, values = symbols = estimate.sx_in()[:4]
@@ -186,7 +186,7 @@ class LawController(Controller):
         """Symbols of further inputs of the law, such as gains."""
         return []
 
-    def command(self, tracking: Tracking, robot: Robot, extra: list) -> tuple:
+    def command(self, tracking: Tracking, robot: BoundModel, extra: list) -> tuple:
         """Return torque commands (n,), N m, within the limit; subclasses implement it."""
         raise NotImplementedError
 

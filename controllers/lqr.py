@@ -14,7 +14,7 @@ from controllers.estimator import OPS
 from controllers.law import LawController, LawSettings, Tracking
 from youbot_env.backend import weighted_sum
 from youbot_env.model import Model
-from youbot_env.plant import Robot, Structure
+from youbot_env.plant import BoundModel, ModelStructure
 from youbot_env.references import rotate_to_body
 
 # Nodes of the grid of reference velocities (V_X, V_Y, Omega).
@@ -84,7 +84,7 @@ class LQR(LawController):
         """Gains, row by row."""
         return [ca.SX.sym("gains", 6 * len(self.task.platform.wheels))]
 
-    def command(self, tracking: Tracking, robot: Robot, extra: list) -> tuple:
+    def command(self, tracking: Tracking, robot: BoundModel, extra: list) -> tuple:
         """See the base class."""
         errors = (*tracking.error, *tracking.velocity_error)
         rows = [ca.vertsplit(row) for row in ca.vertsplit(extra[0], 6)]
@@ -122,7 +122,7 @@ class LQR(LawController):
         return RegularGridInterpolator(axes, gains)
 
 
-def error_dynamics(structure: Structure) -> ca.Function:
+def error_dynamics(structure: ModelStructure) -> ca.Function:
     """Trace ``F(twist, values) -> (A, B)`` of the errors at a steady reference twist.
 
     Errors are those of ``Tracking``: pose error and velocity error, in the frame of the robot.

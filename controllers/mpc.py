@@ -22,7 +22,7 @@ from controllers.optimal.rti import RealTimeIteration
 from controllers.optimal.solution import Request, Solution, Solver
 from controllers.preview import preview_weights
 from youbot_env.model import Model
-from youbot_env.plant import Robot, Structure
+from youbot_env.plant import BoundModel, ModelStructure
 
 SOLVERS = {"rti": RealTimeIteration, "ipopt": Ipopt}
 # Solvers by name, effects, horizon and iterations; building one takes a second.
@@ -144,8 +144,8 @@ class MPC(ComputedTorque):
         self._cost = np.array([*scales**-2.0, s.torque**-2.0, s.soft_violation**-2.0, *limits])
         wheels, own = len(task.platform.wheels), self.estimator.size
         self._plan = slice(own, own + BODY * (task.preview + 1))
-        self._bends = slice(self._plan.stop, self._plan.stop + wheels * task.preview)
-        self._start = np.zeros(self._bends.stop)
+        self._du = slice(self._plan.stop, self._plan.stop + wheels * task.preview)
+        self._start = np.zeros(self._du.stop)
         self._allowed = math.inf if s.time_limit is None else s.time_limit
 
     def act(self, seen: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -153,13 +153,13 @@ class MPC(ComputedTorque):
         rows = [self._decide(*row) for row in zip(seen, memory, strict=True)]
         return tuple(np.array(part) for part in zip(*rows, strict=True))
 
-    def command(self, tracking: Tracking, robot: Robot, extra: list) -> tuple:
+    def command(self, tracking: Tracking, robot: BoundModel, extra: list) -> tuple:
         """Commands of computed torque, then those the model needs on the reference itself."""
         rest = tracking.state._replace(velocity=tracking.wanted_velocity)
         twist, rate = (tuple(ca.vertsplit(part)) for part in extra)
         limit, push = self.task.torque_limit, tracking.disturbance
-        needed = feedforward(robot, rest, twist, rate, tracking.t, limit, OPS, push)
-        return (*super().command(tracking, robot, extra), *needed)
+        u_ff = feedforward(robot, rest, twist, rate, tracking.t, limit, OPS, push)
+        return (*super().command(tracking, robot, extra), *u_ff)
 
     def extra_inputs(self) -> list:
         """Twist and twist rate for which the drive is commanded."""
@@ -176,24 +176,24 @@ class MPC(ComputedTorque):
         began, task, estimator = time.perf_counter(), self.task, self.estimator
         previewed = seen[8:].reshape(-1, 3)
         yaw, known = np.arctan2(seen[7], seen[6]), memory[: estimator.size]
-        t, state, wanted, _, _, kept, safe, needed = self._columns.one(
+        t, state, wanted, _, _, kept, safe, u_ff = self._columns.one(
             seen, yaw, known, self._values, self._weights, *(self._needs @ previewed)
         )
-        twists, led = np.split(self._nodes @ previewed, 2)
+        twists, delayed = np.split(self._nodes @ previewed, 2)
         plan = memory[self._plan].reshape(-1, BODY)
-        bends = memory[self._bends].reshape(task.preview, -1)
+        du = memory[self._du].reshape(task.preview, -1)
         step = task.preview_stride * task.dt
         solution = self.solver.solve(
-            Request(state, wanted, twists, led, t, step, self._values, self._cost, plan, bends)
+            Request(state, wanted, twists, delayed, t, step, self._values, self._cost, plan, du)
         )
         usable = self._record(solution, time.perf_counter() - began)
-        command = needed + solution.bends[0] if usable else safe
+        command = u_ff + solution.du[0] if usable else safe
         command = np.clip(command, -task.torque_limit, task.torque_limit)
         after = np.zeros(len(memory))
         after[: estimator.size] = estimator.remember(kept, command)
         if usable:
             after[self._plan] = _moved_on(solution.deviations, task.preview_stride).ravel()
-            after[self._bends] = _moved_on(solution.bends, task.preview_stride).ravel()
+            after[self._du] = _moved_on(solution.du, task.preview_stride).ravel()
         return command / task.torque_limit, after
 
     def _record(self, solution: Solution, seconds: float) -> bool:
@@ -211,7 +211,7 @@ def _moved_on(rows: np.ndarray, stride: int) -> np.ndarray:
     return np.vstack([rows[:-1] + np.diff(rows, axis=0) / stride, rows[-1:]])
 
 
-def shared_solver(name: str, structure: Structure, steps: int, iterations: int) -> Solver:
+def shared_solver(name: str, structure: ModelStructure, steps: int, iterations: int) -> Solver:
     """Build (or find) the solver for a set of effects, a horizon and a limit of iterations."""
     key = (name, structure.key, steps, iterations)
     if key not in _BUILT:

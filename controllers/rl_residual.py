@@ -16,7 +16,7 @@ from controllers.rl import load_policy
 from controllers.rl_features import Features
 from controllers.rl_policy import Policy
 from youbot_env.model import Model
-from youbot_env.plant import Robot
+from youbot_env.plant import BoundModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ class Residual(computed_torque.ComputedTorque):
         """See the base class: the correction, N m."""
         return [ca.SX.sym("correction", len(self.task.platform.wheels))]
 
-    def command(self, tracking: Tracking, robot: Robot, extra: list) -> tuple:
+    def command(self, tracking: Tracking, robot: BoundModel, extra: list) -> tuple:
         """See the base class."""
         known, limit = super().command(tracking, robot, []), self.task.torque_limit
         learned = ca.vertsplit(extra[0])

@@ -15,7 +15,7 @@ _HOME = {
     "calibrate_kinematics": "ident.kinematics.calibration",
     "compare": "ident.comparison",
     "design_motion": "ident.design",
-    "diagnose": "ident.diagnosis.verdict",
+    "diagnose": "ident.diagnosis.diagnose",
     "identify": "ident.identification",
     "improve": "ident.improvement",
 }

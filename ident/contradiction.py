@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from ident.log import Log
-from ident.white_noise import white_variance
+from ident.noise import white_variance
 
 # Mean squared contradiction of the wheels, in units of their noise, from which they disagree.
 CONTRADICTION = 2.0

@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ident.contradiction import wheels_agree
-from ident.free_values import FreeValues
-from ident.input_noise import noisier_speeds
+from ident.decimate import SEARCHED, decimated
 from ident.instruments import (
     HOLD,
     OFFSET,
@@ -23,10 +22,11 @@ from ident.instruments import (
 )
 from ident.kept import kept
 from ident.log import Log
+from ident.noise import noisier_speeds
 from ident.noise_floor import noise_floor
 from ident.output_error import OutputError, refine
-from ident.scaled_fit import ScaledFit
-from ident.thinning import SEARCHED, thinned
+from ident.parameter_space import FreeValues
+from ident.residuals import ScaledFit
 from youbot_env import dynamics
 from youbot_env.effects import get_effect
 from youbot_env.measurement import HELD, HOLDS, SAMPLED
@@ -122,7 +122,7 @@ def lead(fit: OutputError, number: int) -> tuple[float, float]:
 
 def sparsely(log: Log) -> Log:
     """The log, or means over 20 ms where it is denser; these act as held torques do."""
-    thin = thinned(log, SEARCHED)
+    thin = decimated(log, SEARCHED)
     return log if thin is log else stating(thin, HOLD, kind=float(HOLDS.index(HELD)))
 
 

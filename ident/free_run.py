@@ -23,7 +23,7 @@ from youbot_env.backend import NUMPY
 from youbot_env.compiled import advance_function
 from youbot_env.effects.base import Signals
 from youbot_env.model import Model
-from youbot_env.plant import Robot, Structure
+from youbot_env.plant import BoundModel, ModelStructure
 from youbot_env.simulation.analytic import STEP_FRACTION, choose_substeps, history_length
 
 WINDOW = 5.0
@@ -88,7 +88,7 @@ class Windows:
     step: np.ndarray
     angles: np.ndarray
     index: np.ndarray
-    structure: Structure
+    structure: ModelStructure
     substeps: int
     history: int
 
@@ -124,7 +124,7 @@ def cut_windows(
     Raises:
         ValueError: no contiguous piece holds one window.
     """
-    structure, log = Structure.of(model), restored(log, model)
+    structure, log = ModelStructure.of(model), restored(log, model)
     dt = log.dt
     try:
         substeps = min(choose_substeps(model, dt, fraction), MOST_SUBSTEPS)
@@ -174,7 +174,7 @@ def cut_windows(
     )
 
 
-def _velocities(log: Log, robot: Robot) -> np.ndarray:
+def _velocities(log: Log, robot: BoundModel) -> np.ndarray:
     """(N, 3) body velocities of a log, by the wheels of the model where these are all there is."""
     if log.body_velocity is not None or not robot.acting("kinematics"):
         return log.velocity()
@@ -223,7 +223,7 @@ def _joined(runs: list[FreeRun]) -> FreeRun:
     return FreeRun(np.concatenate(times), *shown, np.concatenate(windows))
 
 
-def seen_by_sensors(robot: Robot, s: Signals, log: Log) -> tuple:
+def seen_by_sensors(robot: BoundModel, s: Signals, log: Log) -> tuple:
     """Outputs that a log's sensors show of a motion: wheel speeds, or body velocities if measured.
 
     Where a model slips, the wrench must have been evaluated on the signals before.

@@ -9,27 +9,25 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
+from ident.consistency import doubts, invisible
 from ident.diagnosis.judge import inertia_is_seen
 from ident.disagreement import disagreements, with_disagreements
 from ident.doctor.finding import Finding
 from ident.estimators import CLUSTERS, Estimate, durbin_wu_hausman
 from ident.free_run import FreeRun, free_run
+from ident.identifiability import Observability, Seen, observe_regression
 from ident.instruments import without_instruments
 from ident.linear_estimation import LinearEstimation
 from ident.log import Log
 from ident.method_choice import MethodChoice, choose_method
-from ident.observability import Observability, observe_regression
 from ident.output_error import OutputError, refine
-from ident.physical import doubts, invisible
 from ident.pooling import as_list, pooled
 from ident.prior import kept_possible
-from ident.quantities import Quantity, annotated, listed_names, quantities
 from ident.recording import Recording, find_recordings, with_free_clocks
 from ident.recording_words import Instrument
 from ident.recursive import history
 from ident.regression import CORNER, Regression, build_regression
-from ident.seen import Seen
-from ident.shown import Shown, quantity_columns
+from ident.results import Quantity, Shown, annotated, listed_names, quantities, quantity_columns
 from ident.threads import one_thread
 from ident.unexplained import Unexplained, widening
 from youbot_env.model import Model

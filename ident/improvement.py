@@ -9,18 +9,16 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from ident.diagnosis.parts import FIT, Part
-from ident.diagnosis.verdict import Diagnosis, diagnose
-from ident.free_values import free_directions
+from ident.diagnosis.diagnose import Diagnosis, diagnose
+from ident.diagnosis.splits import FIT, Part
+from ident.identifiability import SMALL, Seen, parameter_sizes
 from ident.log import Log
-from ident.observability import SMALL, parameter_sizes
+from ident.parameter_space import free_directions
 from ident.pooling import as_list
 from ident.prior import prior_spreads
-from ident.quantities import Quantity, annotated, quantities
-from ident.scaled_fit import settled
-from ident.seen import Seen
+from ident.residuals import settled
+from ident.results import Quantity, Shown, annotated, quantities
 from ident.sensitivity import Linearised
-from ident.shown import Shown
 from ident.threads import one_thread
 from youbot_env.dynamics import Theta
 from youbot_env.model import Model
@@ -46,7 +44,7 @@ class Stage:
     Attributes:
         added: the effect that it has more than the one before; empty for the base.
         model: refined, with covariance.
-        nrmse: free-run error on untouched windows, as a share of the motion's rms.
+        nrmse: free-run error on held-out windows, as a share of the motion's rms.
         axes: (3,) rms errors there, m/s, m/s, rad/s.
         covered: share of the way from the base's error to what noise leaves.
         base: the seven parameters and two lumps, by name.
@@ -112,7 +110,7 @@ class Improvement(Shown):
         } | {name: [float(stage.base[name].value) for stage in self.stages] for name in names}
 
     def plot(self):
-        """The error on untouched windows with every effect that was added."""
+        """The error on held-out windows with every effect that was added."""
         return self.found.plot()
 
     def as_dict(self) -> dict[str, Any]:

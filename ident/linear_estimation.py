@@ -12,11 +12,11 @@ from ident.estimators import (
     least_squares,
     reference_motion,
 )
-from ident.input_noise import noisier_speeds
+from ident.identifiability import Seen
 from ident.log import Log
+from ident.noise import noisier_speeds
 from ident.recording import Recording
 from ident.regression import Regression, build_regression
-from ident.seen import Seen
 from youbot_env.model import Model
 
 PLAIN = "least squares"

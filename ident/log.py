@@ -19,15 +19,48 @@ from pathlib import Path
 
 import numpy as np
 
-from ident.declaration import parse_declaration
 from ident.doctor import Finding, LogError, check_accepted, examine
 from ident.loaders import damage_told, find_loader, read
-from ident.recent import Recent
+from ident.memo import Memo
 from youbot_env.channels import channel_columns
+from youbot_env.effects import effect_names, get_effect
 from youbot_env.model_file import write_atomically
 from youbot_env.platform import Platform, youbot
 from youbot_env.platform_file import GivenPlatform, read_platform
 from youbot_env.shipped import Shipped
+
+
+def parse_declaration(items: Iterable[str], platform: Platform) -> dict[str, dict[str, float]]:
+    """Turn ``EFFECT=VALUE`` and ``EFFECT.PARAMETER=VALUE`` into sensor effects with their values.
+
+    What is not stated of an effect is nothing.
+
+    Raises:
+        ValueError: no sensor effect, no value, or one that cannot be.
+    """
+    found: dict[str, dict[str, float]] = {}
+    for item in items:
+        place, given, text = (part.strip() for part in item.partition("="))
+        name, _, parameter = place.partition(".")
+        sensors = [n for n in effect_names() if get_effect(n).link == "sensor"]
+        if name not in sensors:
+            raise ValueError(f"recording {item!r}: {name!r} is none of {', '.join(sensors)}")
+        effect = get_effect(name)
+        if not (given and text):
+            raise ValueError(f"recording {item!r}: write {place}=VALUE")
+        parameter = parameter or effect.parameters[0].name
+        values = found.setdefault(name, {p.name: 0.0 for p in effect.parameters})
+        value: float | str = text
+        if text not in effect.parameter_of(parameter).choices:
+            try:
+                value = float(text)
+            except ValueError:
+                words = ", ".join(effect.parameter_of(parameter).choices)
+                remedy = f"choose {words}" if words else "give a number, with a decimal point"
+                raise ValueError(f"recording {item!r}: {text!r}; {remedy}") from None
+        values[parameter] = effect.complete({**values, parameter: value}, platform)[parameter]
+    return found
+
 
 CHANNELS = (
     "wheel_velocity",
@@ -69,7 +102,7 @@ class Log:
         pose: (N, 3) x, y m, yaw rad (without jumps), world frame, or None.
         battery_voltage: (N,) V, or None.
         wheel_angle: (N, n) rad from the start of the record, where it was integrated before the
-            log was cut or thinned; files have none.
+            log was cut or decimated; files have none.
         drive_noise: (n,) standard deviations of the white noise of the drive's rows where the rows
             are means of what was logged, which hides it; None where they can tell themselves.
         starts: samples at which a contiguous piece begins, the first being 0.
@@ -210,9 +243,9 @@ class Log:
         )
 
     @cached_property
-    def recent(self) -> Recent:
+    def memo(self) -> Memo:
         """What was computed from the log last."""
-        return Recent()
+        return Memo()
 
     @property
     def dt(self) -> float:

@@ -8,9 +8,9 @@ import numpy as np
 
 from ident.contradiction import rolling_variance
 from ident.drive_noise import lasting_noise
-from ident.scaled_fit import settled
+from ident.noise import white_variance
+from ident.residuals import settled
 from ident.sensitivity import Linearised
-from ident.white_noise import white_variance
 
 # Draws of noise that lasts, which holds few independent values.
 DRAWS = 4

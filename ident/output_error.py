@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from ident.free_values import FreeValues
-from ident.input_noise import PAIRS, noisier
 from ident.instruments import adapted, stated
 from ident.kept import kept
 from ident.log import Log
-from ident.pull import Pull
-from ident.scaled_fit import ScaledFit
+from ident.noise import PAIRS, noisier
+from ident.parameter_space import FreeValues
+from ident.prior import Pull
+from ident.residuals import ScaledFit
 from ident.scopes import Scopes
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
@@ -94,7 +94,7 @@ def refine(
         ends: for each log, lowest and highest values by name, within those of the model.
         draws: pairs of records with more noise, by which what noise does to the values is told.
         prior: model whose seven parameters are what is known before any log; directions of which
-            these logs say less stay near it, see ``ident.pull``.
+            these logs say less stay near it, see ``ident.prior``.
         smooth: whether errors are averaged over neighbouring samples, see ``scaled_fit.smoothed``.
 
     Returns:

@@ -75,7 +75,7 @@ def comments(data: bytes) -> list[tuple[str, str]]:
 
 
 def _declared(log: Log) -> list[str]:
-    """How a log was recorded, as ``ident.declaration`` reads it."""
+    """How a log was recorded, as ``ident.log`` reads it."""
     words = []
     for name, values in log.recording.items():
         for flat, value in values.items():

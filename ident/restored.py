@@ -9,8 +9,8 @@ import numpy as np
 
 from ident.dead_reckoning import bridged, dead_reckoning, wheel_angles
 from ident.log import Log
-from ident.recent import part_of
-from ident.white_noise import white_variance
+from ident.memo import part_of
+from ident.noise import white_variance
 from youbot_env.dynamics import Theta
 from youbot_env.effects import Effect, get_effect
 from youbot_env.measurement import DriveInput, Rows
@@ -35,7 +35,7 @@ def restored(log: Log, model: Model, values=None) -> Log:
     values = model.values() if values is None else values
     angle = any(active.effect.needs_wheel_angle for active in model.effects)
     key = ("restored", part_of(model, values, INSTRUMENTS), angle)
-    return log.recent.of(key, lambda: _restored(log, model, values, angle))
+    return log.memo.of(key, lambda: _restored(log, model, values, angle))
 
 
 def unknown_pose(log: Log) -> bool:

@@ -22,14 +22,14 @@ import numpy as np
 from ident.dead_reckoning import wheel_angles
 from ident.free_run import LEAST_WINDOW, Windows, cut_windows, fitting, seen_by_sensors
 from ident.log import Log
-from ident.recent import Recent, part_of
+from ident.memo import Memo, part_of
 from ident.restored import INSTRUMENTS, restored
 from ident.signals import delivered_torques, internal_states, observed_motion
 from youbot_env import dynamics
 from youbot_env.backend import NUMPY
 from youbot_env.effects.base import Signals
 from youbot_env.model import Model
-from youbot_env.plant import Robot, Structure
+from youbot_env.plant import BoundModel, ModelStructure
 
 # Windows: at most this long, s, and as many in a log as statistics over windows need.
 LONGEST, WANTED = 4.0, 28
@@ -165,8 +165,8 @@ class Linearised:
         return wheel_angles(self.log)
 
     @cached_property
-    def _robot(self) -> Robot:
-        return Structure.of(self.model).bind(self.model.values())
+    def _robot(self) -> BoundModel:
+        return ModelStructure.of(self.model).bind(self.model.values())
 
     @cached_property
     def _present(self) -> tuple[np.ndarray, np.ndarray]:
@@ -184,7 +184,7 @@ class Linearised:
         ``ahead`` (3,) is added to all velocities.
         """
         values = model.values() if values is None else values.tolist()
-        structure = Structure.of(model)
+        structure = ModelStructure.of(model)
         robot, rest = structure.bind(values), structure.rest().internal
         rolling = part_of(model, values, ("kinematics",))
         reads = robot.reads_pose, robot.reads_wheel_angle
@@ -195,15 +195,15 @@ class Linearised:
             return [observed_motion(p, robot, log.time[0]) for p in log.pieces()]
 
         def delivered() -> tuple:
-            seen = self._recent.of(("motions", rolling, reads, instruments), motions)
+            seen = self._memo.of(("motions", rolling, reads, instruments), motions)
             return tuple(delivered_torques(log, model, values, seen)[self._rows].T)
 
         driven = part_of(model, values, DRIVE)
-        torque = self._recent.of(("torque", driven, instruments), delivered)
+        torque = self._memo.of(("torque", driven, instruments), delivered)
         s = self._signals(robot, self._middle, 0.5, ("middle", rolling), ahead)
         wrench = robot.wrench(torque, s, self._inner(structure, log, model, values), NUMPY)
         placed = (rolling, part_of(model, values, ("inertial",)), tuple(values[:7]))
-        inertia = self._recent.of(("inertia", placed), lambda: robot.inertia_at(s))
+        inertia = self._memo.of(("inertia", placed), lambda: robot.inertia_at(s))
         acceleration = self._stack(robot.acceleration(wrench, s, inertia))
 
         def outputs() -> np.ndarray:
@@ -217,10 +217,10 @@ class Linearised:
             return shown + (_output(self.raw) - _output(log))[self.windows.index.ravel()].T
 
         if ahead is None and not robot.acting("slip"):
-            return acceleration, self._recent.of(("outputs", rolling, instruments), outputs)
+            return acceleration, self._memo.of(("outputs", rolling, instruments), outputs)
         return acceleration, outputs()
 
-    def _inner(self, structure: Structure, log: Log, model: Model, values) -> tuple:
+    def _inner(self, structure: ModelStructure, log: Log, model: Model, values) -> tuple:
         """States of the effects half way through each interval, along the measured motion.
 
         Those of the drive have done their work already; at rest where no other law has any.
@@ -233,15 +233,15 @@ class Linearised:
             return 0.5 * (states[rows] + states[rows + 1]).T
 
         moving = part_of(model, values, (*DRIVE, "evolve", "kinematics", *INSTRUMENTS))
-        return structure.parted(self._recent.of(("states", moving), middle))
+        return structure.parted(self._memo.of(("states", moving), middle))
 
     @cached_property
-    def _recent(self) -> Recent:
-        return Recent()
+    def _memo(self) -> Memo:
+        return Memo()
 
     def _signals(
         self,
-        robot: Robot,
+        robot: BoundModel,
         states: np.ndarray,
         share: float,
         key: tuple | None = None,
@@ -257,7 +257,7 @@ class Linearised:
         v, pose = tuple(v.T), tuple(states[:, :3].T)
         if not (key and robot.acting("kinematics")):
             return robot.signals(t, v, pose, angle, self._commands, NUMPY)
-        geometry = self._recent.of(
+        geometry = self._memo.of(
             key, lambda: robot.signals(t, v, pose, angle, self._commands, NUMPY).geometry
         )
         return robot.signals(t, v, pose, angle, self._commands, NUMPY, geometry)

@@ -16,7 +16,7 @@ from youbot_env.compiled import Hidden
 from youbot_env.dynamics import factorize, solve
 from youbot_env.effects.base import Signals
 from youbot_env.model import Model
-from youbot_env.plant import Robot, Structure
+from youbot_env.plant import BoundModel, ModelStructure
 
 # Long enough for lags and bristles to follow what is held, s.
 RELAXED = 10.0
@@ -36,7 +36,7 @@ class Measured:
     """
 
     time: np.ndarray
-    robot: Robot
+    robot: BoundModel
     signals: Signals
     delivered: tuple
     piece: Log
@@ -53,7 +53,7 @@ class Measured:
         The torque of an interval is held through it while velocities run on; a law of both is
         evaluated with the same torque at either end.
         """
-        structure = Structure.of(self.model)
+        structure = ModelStructure.of(self.model)
         rest = structure.rest().internal
         states = _followed(self.robot, structure, self.signals)[1] if structure.bristled else None
         torque = tuple(np.asarray(m)[:-1] for m in self.delivered)
@@ -78,7 +78,7 @@ def measure(
         origin: time at which the clock of the effects starts, s (the start of the log).
         motion: what ``observed_motion`` returns, where it is known already.
     """
-    structure = Structure.of(model)
+    structure = ModelStructure.of(model)
     robot = structure.bind(np.asarray(model.values() if values is None else values, float).tolist())
     torque = delayed_hold(piece.command, piece.time, robot.delay())
     command = tuple(np.ascontiguousarray(torque.T))
@@ -88,7 +88,7 @@ def measure(
     return Measured(piece.time, robot, signals, delivered, piece, model, origin)
 
 
-def observed_motion(piece: Log, robot: Robot, origin: float) -> tuple:
+def observed_motion(piece: Log, robot: BoundModel, origin: float) -> tuple:
     """Body velocities, poses and wheel angles of a piece by components, and Jacobians.
 
     The Jacobians are None where no effect changes them, the others empty where nobody reads them.
@@ -136,7 +136,7 @@ def internal_states(log: Log, model: Model, values=None) -> np.ndarray:
     They are followed through each contiguous piece along the measured motion, from what a long hold
     of its first row leaves.  ``values`` are others than the model's own.
     """
-    structure = Structure.of(model)
+    structure = ModelStructure.of(model)
     size = sum(map(len, structure.rest().internal))
     if not size:
         return np.empty((len(log.time), 0))
@@ -144,7 +144,7 @@ def internal_states(log: Log, model: Model, values=None) -> np.ndarray:
     return np.concatenate([_followed(p.robot, structure, p.signals)[1] for p in pieces])
 
 
-def _deliver(robot: Robot, structure: Structure, s: Signals) -> tuple:
+def _deliver(robot: BoundModel, structure: ModelStructure, s: Signals) -> tuple:
     """Torques on the shafts; the drive's own states are followed through the record."""
     rest = structure.rest().internal
     carries = any(state for (_, effect, _), state in zip(robot.effects, rest, strict=True)
@@ -154,7 +154,9 @@ def _deliver(robot: Robot, structure: Structure, s: Signals) -> tuple:
     return tuple(_followed(robot, structure, s)[0])
 
 
-def _followed(robot: Robot, structure: Structure, s: Signals) -> tuple[np.ndarray, np.ndarray]:
+def _followed(
+    robot: BoundModel, structure: ModelStructure, s: Signals
+) -> tuple[np.ndarray, np.ndarray]:
     """Torques delivered in each interval (n, N), and the effects' states at its start (N, S)."""
     steps = np.append(np.diff(s.t), s.t[-1] - s.t[-2])
     along = _drive_function(structure.key, len(s.t), Hidden(structure))

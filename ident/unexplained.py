@@ -15,11 +15,11 @@ import numpy as np
 from scipy.linalg import orth
 
 from ident.free_run import FreeRun
+from ident.identifiability import Seen
 from ident.log import Log
 from ident.noise_floor import velocity_floor
 from ident.prior import ALIGNED
 from ident.regression import Regression, allowed_directions, build_regression
-from ident.seen import Seen
 from ident.sensitivity import Linearised
 from youbot_env.model import Model
 

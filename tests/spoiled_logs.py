@@ -11,7 +11,7 @@ import polars as pl
 from youbot_env.compiled import Stepper
 from youbot_env.model import Model
 from youbot_env.parameters import Parameters
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 from youbot_env.platform import youbot
 
 CORNERS = ("fl", "fr", "rl", "rr")
@@ -38,7 +38,7 @@ def simulate(command: Callable, seconds: float = 40.0, dt: float = 0.01) -> pl.D
     """Log of a robot with the parameters of the paper under PI wheel loops."""
     paper = Parameters(m0=35.3, I0=4.4, I1=6e-3, a_x=0.016, a_y=-0.026, mu1=0.11, mu2=5.78e-3)
     model, count = Model(youbot(), paper), round(seconds / dt)
-    stepper = Stepper(Structure.of(model), dt)
+    stepper = Stepper(ModelStructure.of(model), dt)
     stepper.values[:] = model.values()
     rng = np.random.default_rng(np.random.SeedSequence(7))
     t, J = np.arange(count) * dt, model.platform.jacobian_array

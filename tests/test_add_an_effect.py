@@ -17,7 +17,7 @@ from youbot_env import effects
 from youbot_env.backend import FLOAT, NUMPY, casadi_ops
 from youbot_env.effects_file import load_effects_file
 from youbot_env.model_file import load_model
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 from youbot_env.references import SmoothRandom, calibration_sequence
 from youbot_env.simulation import Sensors, record_closed_loop
 
@@ -47,7 +47,7 @@ def hidden(file):
 
 
 def test_law_is_the_same_on_floats_arrays_and_symbols(hidden):
-    structure, values = Structure.of(hidden), hidden.values()
+    structure, values = ModelStructure.of(hidden), hidden.values()
 
     def wrench(v, ops):
         robot = structure.bind(values)

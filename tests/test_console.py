@@ -24,7 +24,7 @@ def console(monkeypatch):
 
 
 def test_effects_that_are_given(console):
-    from youbot_cli.given_effects import parse_effects
+    from youbot_cli.effect_options import parse_effects
 
     given = ["floor_slope", "torque_gain.e_fl=0.1", "torque_gain.e_rr=-.2", "actuator_delay=1e-2"]
     assert parse_effects(given) == {

@@ -15,7 +15,7 @@ from controllers.preview import preview_weights
 from youbot_env.backend import FLOAT
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model_file import load_model
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 from youbot_env.references import make_reference
 from youbot_env.simulation import AnalyticPlant, Sensors
 
@@ -65,7 +65,7 @@ def drive(controller, robot=PAPER, reference="eight", frequency=1.0, steps=700, 
 )
 def test_inverse_dynamics_inverts_the_forward_dynamics(effects):
     model = PAPER.with_effects(effects)
-    structure = Structure.of(model)
+    structure = ModelStructure.of(model)
     robot, rng = structure.bind(model.values()), np.random.default_rng(0)
     for _ in range(20):
         v, wanted = (tuple(rng.uniform(-0.4, 0.4, 3).tolist()) for _ in range(2))
@@ -225,7 +225,7 @@ def test_lqr_gains_stabilise_the_errors_at_velocities_between_the_nodes():
 
     controller, rng = make("lqr", PAPER), np.random.default_rng(0)
     assert drive(controller)[0] < 1e-4
-    slopes = error_dynamics(Structure.of(PAPER))
+    slopes = error_dynamics(ModelStructure.of(PAPER))
     for twist in rng.uniform(-1, 1, (20, 3)) * (0.8, 0.8, 3.2):
         a, b = (np.asarray(part) for part in slopes(twist, PAPER.values()))
         held = expm(np.block([[a, b], [np.zeros((4, 10))]]) * 0.01)

@@ -12,7 +12,7 @@ from controllers.optimal.problem import step_functions
 from controllers.optimal.rti import RealTimeIteration
 from controllers.optimal.solution import Request
 from youbot_env.model_file import load_model
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 from youbot_env.simulation import AnalyticPlant, Sensors
 
 PAPER, NOMINAL = load_model("paper"), load_model("nominal")
@@ -26,26 +26,26 @@ def request(model, deviation, weights=WEIGHTS, omega=1.0):
     """Problem on a curved reference from a deviation of pose and velocity."""
     times = PERIOD * np.arange(STEPS + 1)
     twists = np.stack([0.3 * np.cos(omega * times), 0.2 * np.sin(times), 0.5 + 0 * times], axis=1)
-    structure = Structure.of(model)
+    structure = ModelStructure.of(model)
     state = np.array(structure.flatten(structure.rest()))
     pose = np.array([0.2, -0.1, 0.4])
     state[:6] = np.concatenate([pose, twists[0]]) + deviation
-    plan, bends = np.zeros((STEPS + 1, 6)), np.zeros((STEPS, 4))
+    plan, du = np.zeros((STEPS + 1, 6)), np.zeros((STEPS, 4))
     values = np.array(model.values())
-    return Request(state, pose, twists, twists, 0.0, PERIOD, values, weights, plan, bends)
+    return Request(state, pose, twists, twists, 0.0, PERIOD, values, weights, plan, du)
 
 
 @pytest.mark.parametrize("effects", [{}, STIFF, {"roller_ripple": None, "cable_tether": 20.0}])
 def test_the_discretised_model_is_the_plant(effects):
     """The error of one step falls with the third power of its length."""
     model = PAPER.with_effects(effects)
-    structure, errors = Structure.of(model), []
+    structure, errors = ModelStructure.of(model), []
     stage, _ = step_functions(structure)
     command = np.array([2.0, 1.0, 1.5, 2.5])
     for h in (0.01, 0.005):
         plant = AnalyticPlant(model, h)
         plant.reset((0.3, 0.2, 0.5), (0.3, -0.1, 0.4))
-        tracked = Structure.of(model, track_wheels=True)
+        tracked = ModelStructure.of(model, track_wheels=True)
         before = tracked.unflatten(plant._stepper.state.tolist())
         plant.step(command)
         after = tracked.unflatten(plant._stepper.state.tolist())
@@ -63,26 +63,26 @@ def test_the_discretised_model_is_the_plant(effects):
 @pytest.mark.parametrize("effects", [{}, {"torque_offset": 0.3, "floor_slope": None}])
 def test_on_the_reference_nothing_deviates(effects):
     model = PAPER.with_effects(effects)
-    solution = RealTimeIteration(Structure.of(model), STEPS).solve(request(model, np.zeros(6)))
+    solution = RealTimeIteration(ModelStructure.of(model), STEPS).solve(request(model, np.zeros(6)))
     np.testing.assert_allclose(solution.deviations, 0.0, atol=1e-6)
-    np.testing.assert_allclose(solution.bends, 0.0, atol=1e-5)
+    np.testing.assert_allclose(solution.du, 0.0, atol=1e-5)
 
 
 @pytest.mark.parametrize("effects", [{}, STIFF], ids=["base", "stiff"])
 @pytest.mark.parametrize("size", [0.3, 3.0], ids=["free", "limited"])
 def test_repeated_iterations_arrive_at_the_solution_of_ipopt(effects, size):
     model = PAPER.with_effects(effects)
-    fast, exact = (kind(Structure.of(model), STEPS) for kind in (RealTimeIteration, Ipopt))
+    fast, exact = (kind(ModelStructure.of(model), STEPS) for kind in (RealTimeIteration, Ipopt))
     problem = request(model, size * np.array([0.05, -0.05, 0.1, 0.1, 0.1, 0.1]))
     wanted = exact.solve(problem)
     assert wanted.solved
     for _ in range(8):
         got = fast.solve(problem)
         assert got.solved
-        problem = problem._replace(deviations=got.deviations, bends=got.bends)
-    np.testing.assert_allclose(got.bends, wanted.bends, atol=2e-3)
+        problem = problem._replace(deviations=got.deviations, du=got.du)
+    np.testing.assert_allclose(got.du, wanted.du, atol=2e-3)
     np.testing.assert_allclose(got.deviations, wanted.deviations, atol=2e-4)
-    largest = np.abs(got.reference + got.bends).max()
+    largest = np.abs(got.reference + got.du).max()
     assert largest <= 4.0 + 1e-6
     assert (largest > 4.0 - 1e-6) == (size > 1)
 
@@ -175,7 +175,7 @@ class Failing:
         self.requests.append(problem._replace(deviations=problem.deviations.copy()))
         solution = self.solver.solve(problem)
         if len(self.requests) in self.fails:
-            return solution._replace(solved=False, status="broken", bends=solution.bends * np.nan)
+            return solution._replace(solved=False, status="broken", du=solution.du * np.nan)
         return solution
 
 
@@ -195,7 +195,7 @@ def test_after_a_failed_solve_the_warm_start_is_dropped_and_the_failure_counted(
 
 def test_a_problem_without_a_finite_answer_is_reported_as_failed():
     problem = request(PAPER, np.zeros(6))
-    solver = RealTimeIteration(Structure.of(PAPER), STEPS)
+    solver = RealTimeIteration(ModelStructure.of(PAPER), STEPS)
     broken = solver.solve(problem._replace(values=np.zeros(7)))
     assert not broken.solved
     assert broken.status == "not finite"

@@ -9,14 +9,13 @@ import pytest
 from PIL import Image
 
 from ident import diagnose
-from ident.diagnosis.parts import VERIFY
-from ident.diagnosis.untouched import FreeRunErrors
+from ident.diagnosis.holdout import FreeRunErrors
+from ident.diagnosis.splits import VERIFY
 from ident.free_run import free_run
 from ident.log import Log
 from ident.report.diagnose import diagnosis_page, odds
-from ident.report.diagnose_error import FALLING, untouched
+from ident.report.diagnose_error import FALLING, held_out, since_reversal, strongest_period
 from ident.report.diagnose_figures import error_steps_figure
-from ident.report.diagnose_left import since_reversal, strongest_period
 from ident.report.look import IDENTIFIED, NOMINAL
 from ident.report.outcome import rounded
 from ident.sensitivity import window_length
@@ -66,7 +65,7 @@ def test_verdict_and_every_effect_are_on_the_page(found, page):
     assert found.verdict in ("named", "ambiguous")
     assert page.good == (found.verdict == "named")
     assert found.reason.split("%")[0].strip() in words.replace("\u00a0", " ")
-    assert all(one.effect in words for one in found.reach)
+    assert all(one.effect in words for one in found.minimum_detectable)
     quantity = found.steps[0].sizes(found.model)["fc"]
     assert rounded(quantity.value, quantity.se) in words
     assert all(value in words for value in PROVENANCE.values())
@@ -90,10 +89,10 @@ def test_dependence_is_drawn_before_and_after(found, page):
     assert "final model" in after.caption
 
 
-def test_only_untouched_windows_are_shown(found):
+def test_only_held_out_windows_are_shown(found):
     part = found.first.parts[-1]
     run = free_run(part.log, found.model, window_length(part.log))
-    shown = untouched(part, run)
+    shown = held_out(part, run)
     kept = np.flatnonzero(part.role == VERIFY)
     assert set(shown.window) == set(kept)
     assert 0 < len(kept) < len(part.role)

@@ -15,18 +15,16 @@ from ident import diagnose
 from ident.benchmark.cases import Case, record_case
 from ident.benchmark.outside import FloorPatches, LateralCubicDrag
 from ident.contradiction import wheels_agree
-from ident.diagnosis.dependence import dependences
-from ident.diagnosis.evidence import Evidence
-from ident.diagnosis.experiment import distance, separating
-from ident.diagnosis.menu import menu
-from ident.diagnosis.orders import strongest_orders
-from ident.diagnosis.parts import FIT, SELECT, VERIFY, divide
-from ident.diagnosis.rivals import refit
-from ident.diagnosis.trials import trials
+from ident.diagnosis.experiments import distance, menu, separating
+from ident.diagnosis.lack_of_fit import dependences
+from ident.diagnosis.refit import refit
+from ident.diagnosis.score_table import ScoreTable
+from ident.diagnosis.splits import FIT, SELECT, VERIFY, divide
+from ident.diagnosis.trials import strongest_orders, trials
 from ident.log import Log
 from ident.noise_floor import noise_floor
 from ident.output_error import refine
-from ident.scaled_fit import scaled_error
+from ident.residuals import scaled_error
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import ActiveEffect
@@ -72,7 +70,7 @@ def test_nothing_is_named_where_nothing_is_hidden(quiet):
     assert found.verdict == "nothing_missing"
     assert found.as_dict()["named"] == []
     # Silence means something: typical sizes would have been seen.
-    seen = {one.effect: one for one in found.reach}
+    seen = {one.effect: one for one in found.minimum_detectable}
     for name in ("wheel_coulomb_friction", "floor_slope", "torque_gain", "cable_tether"):
         assert seen[name].power > 0.95
         assert seen[name].smallest < seen[name].typical
@@ -220,12 +218,12 @@ def test_held_out_gain_of_pure_noise_is_nothing(quiet):
     refined, simulations = refit(parts, NOMINAL)
     generic = dependences([fit, test])
     tried = trials(refined.model, [fit])
-    evidence = Evidence.of(parts, list(simulations), tried, generic)
-    gains = [evidence.gain(k) for k in range(len(evidence.columns))]
+    table = ScoreTable.of(parts, list(simulations), tried, generic)
+    gains = [table.gain(k) for k in range(len(table.columns))]
     assert max(gains) < 0.06
-    _, adjusted = evidence.p_values(0)
+    _, adjusted = table.p_values(0)
     assert np.all((adjusted > 0) & (adjusted <= 1))
-    again = evidence.p_values(0)[1]
+    again = table.p_values(0)[1]
     assert np.array_equal(adjusted, again)
     floor = noise_floor(simulations[0]).of(parts[0].weights)
     error = np.mean(scaled_error(simulations[0], parts[0].weights) ** 2)

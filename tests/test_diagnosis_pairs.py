@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from ident import diagnose
-from ident.diagnosis.pairs import best_pair
-from ident.diagnosis.parts import divide
-from ident.diagnosis.rivals import Refits, candidate, refit
+from ident.diagnosis.refit import Refits, candidate, refit
 from ident.diagnosis.rounds import Round
-from ident.diagnosis.search import Search
+from ident.diagnosis.screening import best_pair
+from ident.diagnosis.selection import Search
+from ident.diagnosis.splits import divide
 from ident.log import Log
 from youbot_env.model_file import load_model
 from youbot_env.references import SmoothRandom, calibration_sequence
@@ -47,17 +47,17 @@ def two():
 def test_a_pair_explains_what_no_single_effect_does(two):
     now = first_round(*two)
     alone = max(now.gains)
-    first, second = best_pair(now.evidence, alone)
+    first, second = best_pair(now.table, alone)
     names = {now.trial(k).identifier for k in (first, second)}
     assert "load_dependent_friction" in names
     assert names & {"actuator_lag", "actuator_delay"}
-    together = now.evidence.gain(first, beside=second)
+    together = now.table.gain(first, beside=second)
     assert 1.0 - together < 0.5 * (1.0 - alone)
     # Beside the other half the size is nearer to what is hidden.
     load = first if now.trial(first).identifier == "load_dependent_friction" else second
     late = second if load == first else first
-    right = now.evidence.coefficients(load, beside=late)[0] * now.trial(load).units[0]
-    wrong = now.evidence.coefficients(load)[0] * now.trial(load).units[0]
+    right = now.table.coefficients(load, beside=late)[0] * now.trial(load).units[0]
+    wrong = now.table.coefficients(load)[0] * now.trial(load).units[0]
     assert abs(right - 0.08) < 0.8 * abs(wrong - 0.08)
 
 
@@ -90,13 +90,13 @@ def test_a_step_is_chosen_again_beside_what_came_later(two):
     first = Round.of(parts, simulations, [], 0)
     at = Search(Refits(parts), base, [], [0], lambda what: None, first, first, [])
     # Begin with a wrong guess for the friction, then add the delay.
-    guess = next(k for k, t in enumerate(first.evidence.trials)
+    guess = next(k for k, t in enumerate(first.table.trials)
                  if t.identifier == "rolling_resistance")  # fmt: skip
-    at.add([candidate(parts, first.evidence, guess)], 1.0)
+    at.add([candidate(parts, first.table, guess)], 1.0)
     at.last = at.after(at.steps[0].best.simulations, None)
-    late = next(k for k, t in enumerate(at.last.evidence.trials)
+    late = next(k for k, t in enumerate(at.last.table.trials)
                 if t.identifier == "actuator_lag")  # fmt: skip
-    at.add([candidate(parts, at.last.evidence, late)], 1.0)
+    at.add([candidate(parts, at.last.table, late)], 1.0)
     at.settle()
     assert at.steps[0].best.identifier == "load_dependent_friction"
     assert at.steps[0].beside == {"actuator_lag"}

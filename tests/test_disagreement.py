@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ident.diagnosis.verdict import diagnose
+from ident.diagnosis.diagnose import diagnose
 from ident.disagreement import disagreements, may_judge, not_used, with_disagreements
 from ident.log import Log
 from ident.pooling import joined

@@ -5,7 +5,7 @@ import pytest
 
 from ident.benchmark.conditions import Conditions, record
 from ident.benchmark.foreign import Foreign
-from ident.diagnosis import verdict
+from ident.diagnosis.diagnose import diagnose
 from ident.drive_noise import lasting_noise
 from ident.log import Log
 from ident.noise_floor import noise_floor
@@ -66,7 +66,7 @@ def test_floor_is_what_noise_makes_of_the_true_model():
 
 def test_noise_that_lasts_is_not_physics():
     first, second = (recorded(0.06, seed=seed) for seed in (1, 2))
-    found = verdict.diagnose(first, test=second)
+    found = diagnose(first, test=second)
     assert found.verdict == "nothing_missing"
     assert "of the drive, 0.0" in found.reason
     account = found.errors.account

@@ -13,7 +13,7 @@ from youbot_env.backend import FLOAT
 from youbot_env.effects import Signals, effect_names, get_effect, left_out
 from youbot_env.effects.base import GRAVITY
 from youbot_env.model_file import load_model
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 from youbot_env.references import SmoothRandom
 from youbot_env.simulation import IDEAL, Sensors, record_closed_loop
 
@@ -30,7 +30,7 @@ def added(effects, v, pose=(0.0, 0.0, 0.0), angle=(0.0,) * 4):
     """Wrench on the body that effects add, N, N, N m."""
     total = []
     for model in (PAPER.with_effects(effects), PAPER):
-        structure = Structure.of(model, track_wheels=True)
+        structure = ModelStructure.of(model, track_wheels=True)
         robot = structure.bind(model.values())
         s = robot.signals(0.0, tuple(v), pose, angle, (0.0,) * 4, FLOAT)
         total.append(np.array(robot.wrench((0.0,) * 4, s, structure.rest().internal, FLOAT)))

@@ -15,7 +15,7 @@ from youbot_env.effects.rolling_resistance import static_loads
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 from youbot_env.parameters import Parameters
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 from youbot_env.platform import Geometry, Platform, Wheel, omni3, wheel_rows, youbot
 
 PLATFORM = youbot()
@@ -26,7 +26,7 @@ REDUNDANT = np.array([1, 1, -1, -1])
 
 def robot_with(effects, parameters=PAPER):
     model = Model(PLATFORM, parameters).with_effects(effects)
-    return Structure.of(model, track_wheels=True).bind(model.values())
+    return ModelStructure.of(model, track_wheels=True).bind(model.values())
 
 
 def motion(robot, v, torque=(0.0,) * 4, t=0.0, pose=(0.0,) * 3, angle=(0.0,) * 4):

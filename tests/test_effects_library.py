@@ -13,7 +13,7 @@ from youbot_env.effect_table import effect_table
 from youbot_env.effects import HOOKS, LINKS, Effect, Signals, effect_names, get_effect
 from youbot_env.model import Model
 from youbot_env.parameters import Parameters
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 from youbot_env.platform import omni3, youbot
 
 PLATFORM = youbot()
@@ -110,7 +110,7 @@ def test_only_declared_signals_are_read(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_same_on_floats_batches_and_symbols(name, platform):
     model = model_with(name, platform=platform)
-    structure = Structure.of(model, track_wheels=True)
+    structure = ModelStructure.of(model, track_wheels=True)
     history, count = history_for(structure, model), 5
     n = len(platform.wheels)
     rng = np.random.default_rng(3)
@@ -203,7 +203,7 @@ def test_wrong_values_are_refused(name):
 
 def drive_five_seconds(model):
     """States (500, 10) of a robot at rest that strong torques move on all axes."""
-    structure = Structure.of(model, track_wheels=True)
+    structure = ModelStructure.of(model, track_wheels=True)
     stepper = Stepper(structure, DT, SUBSTEPS, history_for(structure, model))
     stepper.values[:] = model.values()
     stepper.state[:] = structure.flatten(structure.rest())

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from shared_data import shared
 
+from ident.consistency import lump_weights
 from ident.estimators import instrumental_variables, least_squares, reference_motion
 from ident.filters import FirstOrderFilter, delayed_hold, linear_hold
 from ident.free_run import free_run
 from ident.identification import identify
 from ident.log import Log
-from ident.physical import lump_weights
 from ident.recursive import RecursiveLeastSquares, history, sample_times
 from ident.regression import build_regression
 from youbot_env.effects import Effect, Parameter, get_effect, register

@@ -65,7 +65,7 @@ def full_run(logs, tmp_path_factory):
 def test_verdict_comes_first_and_is_true(full_run):
     _, shown = full_run
     found = re.match(
-        r"Free-run error on the untouched log test: nominal (\S+) %, identified (\S+) %", shown
+        r"Free-run error on the held-out log test: nominal (\S+) %, identified (\S+) %", shown
     )
     nominal, identified = map(float, found.groups())
     assert identified < 5.0 < 20.0 < nominal
@@ -109,7 +109,7 @@ def test_page_is_one_file_with_every_figure(full_run):
     assert not re.search(r"(src|href)=\"(?!data:)", text)
     assert page.stat().st_size < 3e6
     heading = re.search(r"<h1[^>]*>(.*?)</h1>", text).group(1)
-    assert heading.startswith("Free-run error on the untouched log test: nominal")
+    assert heading.startswith("Free-run error on the held-out log test: nominal")
     for png in page.parent.glob("*.png"):
         assert png.read_bytes().startswith(b"\x89PNG")
     for said in ("total mass", "Invisible", "kg m\u00b2", "scripts/identify.py"):

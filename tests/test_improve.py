@@ -9,8 +9,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from ident.diagnosis.parts import divide
-from ident.diagnosis.rivals import refit
+from ident.diagnosis.refit import refit
+from ident.diagnosis.splits import divide
 from ident.improvement import _base
 from ident.log import Log
 from youbot_env.model_file import load_model

@@ -143,8 +143,8 @@ def test_result_serves_as_effects_and_as_platform(driven):
 def test_held_out_log_is_judged_with_the_calibration_of_the_other(driven):
     model, time, speed, pose = driven
     log = measured(model.platform, time, speed, pose, mount=MOUNTED)
-    fitted, untouched = log.part(0.0, 40.0), log.part(40.0, 60.0)
-    found = calibrate_kinematics(fitted, test=untouched)
+    fitted, held_out = log.part(0.0, 40.0), log.part(40.0, 60.0)
+    found = calibrate_kinematics(fitted, test=held_out)
     assert (
         found.drifts["test_after"].position_per_metre
         < 0.4 * found.drifts["test_before"].position_per_metre

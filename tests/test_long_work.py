@@ -66,23 +66,23 @@ def test_an_error_in_a_piece_is_not_taken_for_a_killed_process():
 
 
 @pytest.fixture
-def crew(tmp_path):
-    from youbot_cli import crew
+def parallel(tmp_path):
+    from youbot_cli import parallel
     from youbot_cli.pieces import Pieces
 
     def make(workers=1, **settings):
-        return crew.Crew(workers, Pieces(tmp_path / "pieces", settings))
+        return parallel.Parallel(workers, Pieces(tmp_path / "pieces", settings))
 
     return make
 
 
 def work(call, count=4, *more):
-    from youbot_cli.crew import Piece
+    from youbot_cli.parallel import Piece
 
     return [Piece(f"number {k}", call, (k, *more)) for k in range(count)]
 
 
-def test_finished_pieces_are_not_done_again_unless_something_differs(crew, tmp_path):
+def test_finished_pieces_are_not_done_again_unless_something_differs(parallel, tmp_path):
     calls = []
 
     def counted(number):
@@ -93,48 +93,48 @@ def test_finished_pieces_are_not_done_again_unless_something_differs(crew, tmp_p
 
     from youbot_cli import console
 
-    with pytest.raises(console.Stopped, match="the same command goes on"), crew(seed=1).pieces:
-        crew(seed=1).run("counting", work(counted))
+    with pytest.raises(console.Stopped, match="the same command goes on"), parallel(seed=1).pieces:
+        parallel(seed=1).run("counting", work(counted))
     assert calls == [0, 1, 2]
-    with crew(seed=1).pieces:
-        found = crew(seed=1).run("counting", work(counted))
+    with parallel(seed=1).pieces:
+        found = parallel(seed=1).run("counting", work(counted))
         assert found == [{"value": 0.1 + k} for k in range(4)]
         assert calls == [0, 1, 2, 2, 3]
         # A damaged file is as good as none.
         for path in (tmp_path / "pieces").iterdir():
             path.write_text(path.read_text()[:-3])
         calls.clear()
-        crew(seed=1).run("counting", work(counted, 2))
+        parallel(seed=1).run("counting", work(counted, 2))
         assert calls == [0, 1]
-        assert crew(seed=2).run("counting", work(square)) == [0, 1, 4, 9]
+        assert parallel(seed=2).run("counting", work(square)) == [0, 1, 4, 9]
     assert not (tmp_path / "pieces").exists()
 
 
-def test_pieces_that_do_not_count_are_told(crew, tmp_path, capsys):
-    crew(seed=1).run("squares", work(square, 3))
+def test_pieces_that_do_not_count_are_told(parallel, tmp_path, capsys):
+    parallel(seed=1).run("squares", work(square, 3))
     path = next((tmp_path / "pieces").iterdir())
     path.write_text(re.sub(r'"value": ', r"\g<0>1", path.read_text()))  # another value, good JSON
     capsys.readouterr()
-    with pytest.raises(ValueError, match="stop"), crew(seed=1).pieces:
+    with pytest.raises(ValueError, match="stop"), parallel(seed=1).pieces:
         raise ValueError("stop")
     told = capsys.readouterr().err
     assert "going on from 2 finished pieces in " in told
     assert "1 finished piece in " in told
-    assert crew(seed=1).run("squares", work(square, 3)) == [0, 1, 4]
+    assert parallel(seed=1).run("squares", work(square, 3)) == [0, 1, 4]
     capsys.readouterr()
-    with crew(seed=2).pieces:
+    with parallel(seed=2).pieces:
         told = capsys.readouterr().err
         assert "going on" not in told
         assert "3 finished pieces in " in told
         assert "of other inputs, options or code: made anew" in told
 
 
-def test_results_are_the_same_kept_or_fresh(crew):
+def test_results_are_the_same_kept_or_fresh(parallel):
     def pair(number):
         return (number, float("inf"))
 
-    fresh = crew().run("pairs", work(pair, 2))
-    kept = crew().run("pairs", work(pair, 2))
+    fresh = parallel().run("pairs", work(pair, 2))
+    kept = parallel().run("pairs", work(pair, 2))
     assert fresh == kept == [[0, float("inf")], [1, float("inf")]]
 
 
@@ -159,11 +159,11 @@ def slow(number, mark):
     return number / 3
 
 def command():
-    from youbot_cli.crew import Crew, Piece
+    from youbot_cli.parallel import Parallel, Piece
     from youbot_cli.pieces import Pieces
     with Pieces(Path("out.pieces"), {"seed": 0}) as pieces:
         work = [Piece(f"number {k}", slow, (k, "killed")) for k in range(8)]
-        print(Crew(2, pieces).run("waiting", work))
+        print(Parallel(2, pieces).run("waiting", work))
 
 if __name__ == "__main__":
     from youbot_cli import console

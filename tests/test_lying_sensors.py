@@ -5,8 +5,8 @@ import pytest
 from test_bad_observations import AT, LEARNING, NOMINAL, PAPER, plus, run, turned
 
 from controllers import make
-from controllers.frozen import Frozen, _bend
 from controllers.gate import AGREEING
+from controllers.guard import Frozen, _bend
 from youbot_env.simulation import AnalyticPlant
 from youbot_env.simulation.sensors import IDEAL, Sensors
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ident.blocks import cut_calibration, identify_by_motion
+from ident.identifiability import observe_motion, observe_regression
 from ident.log import Log
-from ident.observability import observe_motion, observe_regression
 from ident.regression import build_regression
+from ident.sequential import cut_calibration, identify_by_motion
 from youbot_env.channels import channel_columns
 from youbot_env.model_file import load_model
 from youbot_env.parameters import to_x

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from ident.angle_drift import drifted
 from ident.free_run import cut_windows, free_run
-from ident.input_noise import torque_noise
 from ident.log import Log
+from ident.noise import drifted, torque_noise, white_variance
 from ident.output_error import refine
 from ident.sensitivity import Linearised
-from ident.white_noise import white_variance
 from youbot_env.model_file import load_model
 from youbot_env.references import calibration_sequence
 from youbot_env.simulation import IDEAL, Sensors, record_closed_loop
@@ -58,7 +56,7 @@ def test_intervals_know_that_integrated_angles_drift(monkeypatch):
 
     known = sigma(found.covariance)
     assert abs(turn @ error) < 3.0 * known
-    monkeypatch.setattr("ident.scaled_fit.drifted", lambda sim, rng: sim)
+    monkeypatch.setattr("ident.residuals.drifted", lambda sim, rng: sim)
     assert known > 1.5 * sigma(refine([log], found.model, iterations=1).covariance)
 
 

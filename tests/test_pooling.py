@@ -7,8 +7,8 @@ import pytest
 
 from ident import diagnose
 from ident.comparison import compare
-from ident.diagnosis.fitness import unfit
-from ident.diagnosis.parts import FIT, SELECT, VERIFY, divide
+from ident.diagnosis.excitation import unfit
+from ident.diagnosis.splits import FIT, SELECT, VERIFY, divide
 from ident.free_run import cut_windows, free_run
 from ident.identification import identify
 from ident.log import Log
@@ -95,7 +95,7 @@ def test_logs_that_are_too_short_alone_decide_together(runs):
     found = diagnose(runs[:9], NOMINAL, runs[9:])
     assert "wheel_coulomb_friction" in found.named[0].group
     assert found.log == "run0 and 8 more"
-    names = {one.effect for one in found.reach}
+    names = {one.effect for one in found.minimum_detectable}
     assert not names & {"battery_sag", "friction_warmup", "payload_change"}
 
 

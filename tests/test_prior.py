@@ -10,7 +10,7 @@ from ident.improvement import improve
 from ident.log import Log
 from ident.output_error import refine
 from ident.prior import outside, prior_spreads
-from ident.quantities import AT_BOUND, UNSEEN
+from ident.results import AT_BOUND, UNSEEN
 from youbot_env.model_file import load_model
 from youbot_env.references import Step, calibration_sequence, make_reference
 from youbot_env.simulation import Sensors, record_closed_loop

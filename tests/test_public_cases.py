@@ -12,10 +12,10 @@ from spoiled_logs import C, M, P, R, V, good_frame, put, scale
 from test_doctor import difference, load, warnings
 from test_frames import BODY, with_body
 
-from ident.diagnosis.fitness import unfit
+from ident.diagnosis.excitation import unfit
 from ident.doctor import LogError
 from ident.doctor.finding import NAMES
-from ident.doctor.hand import other_hand
+from ident.doctor.signs import other_hand
 from ident.identification import identify
 from ident.kinematics import calibrate_kinematics
 from ident.log import Log

@@ -8,9 +8,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from youbot_env.envs.brush import magnified
 from youbot_env.envs.camera import PADDING, Camera, round_length
-from youbot_env.envs.outlines import (
+from youbot_env.envs.drawing import magnified
+from youbot_env.envs.rendering import TORQUE, TopView
+from youbot_env.envs.scene import (
+    DRIVEN,
+    EDGE,
+    REFERENCE,
+    SATURATED,
     RobotOutline,
     dashes,
     evenly,
@@ -18,9 +23,6 @@ from youbot_env.envs.outlines import (
     on_floor,
     upper_rollers,
 )
-from youbot_env.envs.panel import TORQUE
-from youbot_env.envs.rendering import TopView
-from youbot_env.envs.scene import DRIVEN, EDGE, REFERENCE, SATURATED
 from youbot_env.platform import omni3, youbot
 
 pygame = pytest.importorskip("pygame")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from ident.consistency import lump_weights
 from ident.identification import identify
 from ident.log import Log
-from ident.physical import lump_weights
 from ident.report.outcome import Outcome
 from youbot_env.model_file import load_model
 from youbot_env.references import calibration_sequence

@@ -16,9 +16,9 @@ from ident.benchmark.cases import Case as HiddenCase
 from ident.benchmark.cases import record_case
 from ident.benchmark.hidden import EFFECTS
 from ident.benchmark.robots import draw_robots
+from ident.consistency import lump_weights
 from ident.identification import identify
 from ident.log import Log
-from ident.physical import lump_weights
 from ident.recursive import RecursiveLeastSquares
 from youbot_cli import console
 from youbot_env.measurement import instruments

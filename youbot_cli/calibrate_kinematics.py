@@ -14,7 +14,7 @@ from ident.kinematics import Drift, KinematicCalibration, calibrate_kinematics
 from ident.log import Log
 from ident.report.findings import accepted, finding_lines, findings_json
 from youbot_cli import console
-from youbot_cli.given_logs import (
+from youbot_cli.log_options import (
     FIT,
     SEVERAL,
     TEST,

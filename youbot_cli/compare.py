@@ -30,8 +30,8 @@ from ident.report.compare_words import (
     where_rows,
 )
 from ident.report.findings import accepted, finding_lines, findings_json
-from youbot_cli import console, given_effects
-from youbot_cli.given_logs import SEVERAL, TEST, LogOptions, Logs, digests, one_or_all, reads_logs
+from youbot_cli import console, effect_options
+from youbot_cli.log_options import SEVERAL, TEST, LogOptions, Logs, digests, one_or_all, reads_logs
 from youbot_env.model import Model
 from youbot_env.model_file import find_model, load_model
 
@@ -68,7 +68,7 @@ def main(
     ] = None,
     json_file: console.Json = None,
     force: console.Force = False,
-    effects: given_effects.EffectsFile = None,
+    effects: effect_options.EffectsFile = None,
     seed: console.Seed = 0,
     *,
     options: LogOptions,
@@ -78,7 +78,7 @@ def main(
     Free run: velocities simulated from the measured drive input alone, in windows.  Equation: what
     the filtered equations of motion leave of the measured forces.
     """
-    given_effects.load_effects(effects)
+    effect_options.load_effects(effects)
     page_file = None if report is None else report / "index.html"
     console.check_results(json_file, page_file, force=force)
     models = read_models(model or DEFAULT)

@@ -11,7 +11,7 @@ from ident.log import Log
 from ident.remembered import remember
 from ident.report.findings import finding_lines, findings_json
 from youbot_cli import console
-from youbot_cli.given_logs import LogOptions, reads_logs
+from youbot_cli.log_options import LogOptions, reads_logs
 from youbot_env.model_file import load_model
 
 ENDINGS = (".csv", ".parquet")

@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
-from ident.blocks import CALIBRATION
 from ident.design import Design, Experiment, Limits, design_motion, quantities, simulate
-from youbot_cli import console, given_effects
+from ident.sequential import CALIBRATION
+from youbot_cli import console, effect_options
 from youbot_env.model_file import load_model
 from youbot_env.parameters import UNITS
 from youbot_env.references import save_motion
@@ -43,7 +43,7 @@ def design(
     model: Annotated[
         str, typer.Option(help="Robot that is expected: model file, nominal or paper.")
     ] = "nominal",
-    effects: given_effects.EffectsFile = None,
+    effects: effect_options.EffectsFile = None,
     harmonics: Annotated[int, typer.Option(max=64, help="Sines on each axis.")] = 8,
     starts: Annotated[int, typer.Option(max=1000, help="Random starts of the search.")] = 8,
     runs: Annotated[
@@ -63,7 +63,7 @@ def design(
     small.  Beside it stand the paper's motions I-IV at their best base frequencies, at equal time
     and limits.  Both are checked by simulated experiments with wheel loops and noisy sensors.
     """
-    given_effects.load_effects(effects)
+    effect_options.load_effects(effects)
     if motion_file.suffix.lower() not in (".yaml", ".yml"):
         raise ValueError(f"--out {motion_file}: motions are written as YAML; end the name in .yaml")
     console.check_results(motion_file, json_file, force=force)

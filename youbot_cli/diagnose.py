@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
-from ident.diagnosis.verdict import Diagnosis, diagnose
+from ident.diagnosis.diagnose import Diagnosis, diagnose
 from ident.disagreement import with_disagreements
 from ident.recording_words import in_words
 from ident.report.diagnose import UNTRIED, diagnosis_page, untried_lines
 from ident.report.findings import accepted, finding_lines, findings_json
-from youbot_cli import console, given_effects
-from youbot_cli.given_logs import (
+from youbot_cli import console, effect_options
+from youbot_cli.log_options import (
     FIT,
     SEVERAL,
     TEST,
@@ -40,7 +40,7 @@ def main(
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
-    effects: given_effects.EffectsFile = None,
+    effects: effect_options.EffectsFile = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
     force: console.Force = False,
@@ -52,7 +52,7 @@ def main(
     console.check_results(json_file, page_file, force=force)
     if not logs:
         logs, test = [FIT], test or [TEST]
-    given_effects.load_effects(effects)
+    effect_options.load_effects(effects)
     start = load_model(model)
     records, tests = options.read(start, logs, test or ())
     everything, held = (*records, *tests), one_or_all(tests)
@@ -85,7 +85,7 @@ def show(found: Diagnosis) -> None:
     tried = [
         (r.effect, f"{r.p:.3f}", f"{100 * r.gain:.1f}", f"{r.parameter}={r.size:.3g}", r.unit,
          "-" if r.smallest is None else f"{r.smallest:.3g}", f"{100 * r.power:.0f}")
-        for r in found.reach[:SHOWN]
+        for r in found.minimum_detectable[:SHOWN]
     ]  # fmt: skip
     if tried:
         console.table(

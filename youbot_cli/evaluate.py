@@ -17,9 +17,9 @@ from controllers.evaluation.plan import Block, default_blocks, make_jobs, weight
 from controllers.evaluation.results import Results
 from controllers.evaluation.run import Run, run_all
 from controllers.evaluation.subjects import MODELS, PLANTS, Subject, draw_subjects
-from youbot_cli import console, evaluate_robots, given_effects
-from youbot_cli.crew import Crew, Piece
+from youbot_cli import console, effect_options, evaluate_robots
 from youbot_cli.evaluate_tables import error_rows, gap_rows, tell
+from youbot_cli.parallel import Parallel, Piece
 from youbot_cli.pieces import Pieces, digest, place
 from youbot_env.model_file import load_model, write_atomically
 from youbot_env.simulation import Sensors
@@ -44,8 +44,8 @@ def evaluate(
         list[str] | None,
         typer.Option(help="analytic, rollers; both if left."),
     ] = None,
-    effect: given_effects.Effects = None,
-    effects: given_effects.EffectsFile = None,
+    effect: effect_options.Effects = None,
+    effects: effect_options.EffectsFile = None,
     robots: Annotated[int, typer.Option(min=1, max=1000, help="Robots on the analytic plant.")] = 5,
     roller_robots: Annotated[
         int, typer.Option(min=1, max=1000, help="Robots with real rollers.")
@@ -81,20 +81,20 @@ def evaluate(
     """
     page_file = None if report is None else report / "index.html"
     console.check_results(json_file, page_file, force=force)
-    given_effects.load_effects(effects)
+    effect_options.load_effects(effects)
     blocks, skipped = chosen(controller, reference, frequency, plant)
-    hidden = sizes(given_effects.parse_effects(effect)) if effect else HIDDEN
+    hidden = sizes(effect_options.parse_effects(effect)) if effect else HIDDEN
     counts = {"analytic": robots, "rollers": roller_robots}
     plants = list(dict.fromkeys(block.plant for block in blocks))
     settings = {"hidden": hidden, "noise": noise, "seed": seed, "log": LOG_SECONDS}
     settings["effects"] = digest([effects])
     pieces = Pieces(place("evaluate", report, json_file), settings)
-    crew = Crew(jobs or os.cpu_count() or 1, pieces, effects)
+    parallel = Parallel(jobs or os.cpu_count() or 1, pieces, effects)
     with pieces:
-        subjects = calibrate(plants, counts, hidden, seed, crew)
+        subjects = calibrate(plants, counts, hidden, seed, parallel)
         sensors = Sensors() if noise else None
-        results = Results(drive(blocks, counts, subjects, sensors, crew))
-        costs = wrong_beliefs(subjects, sensors, crew) if wrong else []
+        results = Results(drive(blocks, counts, subjects, sensors, parallel))
+        costs = wrong_beliefs(subjects, sensors, parallel) if wrong else []
         checked = claims(results)
         solver = solver_runs(subjects[plants[0]][0], steps, pieces) if steps else None
         if solver:
@@ -177,7 +177,7 @@ def sizes(effects: dict[str, dict[str, float] | None]) -> dict[str, float]:
 
 
 def calibrate(
-    plants: list[str], counts: dict, hidden: dict, seed: int, crew: Crew
+    plants: list[str], counts: dict, hidden: dict, seed: int, parallel: Parallel
 ) -> dict[str, list[Subject]]:
     """Robots of each plant with their identified models."""
     drawn = [
@@ -189,7 +189,7 @@ def calibrate(
         Piece(f"{s.plant} {s.number}", evaluate_robots.calibrated, (s, LOG_SECONDS))
         for s in drawn[::-1]
     ]
-    kept = crew.run("identifying robots", work, evaluate_robots.pack)
+    kept = parallel.run("identifying robots", work, evaluate_robots.pack)
     found = [evaluate_robots.unpack(s, one) for s, one in zip(drawn[::-1], kept, strict=True)]
     return {
         plant: sorted((s for s in found if s.plant == plant), key=lambda s: s.number)
@@ -198,7 +198,7 @@ def calibrate(
 
 
 def drive(
-    blocks: list[Block], counts: dict, subjects: dict, sensors: Sensors | None, crew: Crew
+    blocks: list[Block], counts: dict, subjects: dict, sensors: Sensors | None, parallel: Parallel
 ) -> list[Run]:
     """All runs of all blocks."""
     work = [
@@ -210,7 +210,7 @@ def drive(
         )
         for j in make_jobs(blocks, counts)
     ]
-    kept = crew.run(
+    kept = parallel.run(
         "driving",
         work,
         lambda runs: [asdict(r) for r in runs],
@@ -219,11 +219,13 @@ def drive(
     return [run for runs in kept for run in runs]
 
 
-def wrong_beliefs(subjects: dict, sensors: Sensors | None, crew: Crew) -> list[tornado.Cost]:
+def wrong_beliefs(
+    subjects: dict, sensors: Sensors | None, parallel: Parallel
+) -> list[tornado.Cost]:
     """Costs of wrong parameters and missing effects, on the first plant."""
     asked = next(iter(subjects.values()))[:TORNADO_ROBOTS]
     work = [Piece(f"{s.plant} {s.number}", tornado.errors, (s, sensors)) for s in asked]
-    found = crew.run(
+    found = parallel.run(
         "wrong on purpose",
         work,
         lambda errors: [[*change, error] for change, error in errors.items()],

@@ -14,7 +14,7 @@ from controllers.training.transfer import Transfer, saved, transfer
 from controllers.training.trial import FIRST_SEED, Trial
 from controllers.training.worlds import MODELS, make_world
 from ident.log import BUNDLED
-from youbot_cli import console, given_effects
+from youbot_cli import console, effect_options
 from youbot_env.envs.randomization import Randomization
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
@@ -37,8 +37,8 @@ def evaluate(
         str | None,
         typer.Option(help="The hidden robot; the one that drove the bundled logs if left."),
     ] = None,
-    effect: given_effects.Effects = None,
-    effects: given_effects.EffectsFile = None,
+    effect: effect_options.Effects = None,
+    effects: effect_options.EffectsFile = None,
     seeds: Annotated[
         int, typer.Option(min=2, max=100_000, help="Unseen seeds of each motion.")
     ] = 100,
@@ -58,7 +58,7 @@ def evaluate(
     robot, which no training has seen: what does it cost them?  Exit status 1: a policy does not
     beat the kinematic controller on every motion.
     """
-    given_effects.load_effects(effects)
+    effect_options.load_effects(effects)
     page_file = None if report is None else report / "index.html"
     console.check_results(json_file, page_file, force=force)
     names = policy or shipped_policies()
@@ -68,7 +68,7 @@ def evaluate(
     if len(set(labels)) < len(labels):
         raise ValueError(f"policies {labels} share a name; rename one")
     policies = {label: Policy.load(name) for label, name in zip(labels, names, strict=True)}
-    hidden = load_model(robot or TRUTH).with_effects(given_effects.parse_effects(effect))
+    hidden = load_model(robot or TRUTH).with_effects(effect_options.parse_effects(effect))
 
     trial = Trial(robots=seeds, seconds=seconds, noise=noise, seed=seed)
     exams: dict[str, list[Mark]] = {}

@@ -10,11 +10,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from ident.blocks import MotionIdentification, cut_calibration, identify_by_motion
 from ident.disagreement import with_disagreements
 from ident.identification import identify
 from ident.log import Log
-from ident.quantities import AT_BOUND, UNSEEN
 from ident.recording_words import in_words
 from ident.report.findings import accepted, finding_lines, findings_json
 from ident.report.identify import identification_page
@@ -27,8 +25,10 @@ from ident.report.outcome import (
     lump_rows,
     parameter_rows,
 )
-from youbot_cli import console, given_effects
-from youbot_cli.given_logs import (
+from ident.results import AT_BOUND, UNSEEN
+from ident.sequential import MotionIdentification, cut_calibration, identify_by_motion
+from youbot_cli import console, effect_options
+from youbot_cli.log_options import (
     FIT,
     SEVERAL,
     TEST,
@@ -61,7 +61,7 @@ def main(
             help="Estimate an effect of docs/effects.md too, from VALUE on; may be repeated.",
         ),
     ] = None,
-    effects: given_effects.EffectsFile = None,
+    effects: effect_options.EffectsFile = None,
     test: Tests = None,
     method: Annotated[
         str,
@@ -108,14 +108,14 @@ def main(
     console.check_results(out, json_file, page_file, draws_file, force=force)
     if not logs:
         logs, test = [FIT], test or [TEST]
-    given_effects.load_effects(effects)
+    effect_options.load_effects(effects)
     before = load_model(model)
-    added = given_effects.parse_effects(add)
+    added = effect_options.parse_effects(add)
     with console.progress("identifying", 4, "steps") as show:
         measured, tests = options.read(before, logs, test or ())
-        untouched, before = one_or_all(tests), used_model(before, measured)
+        held_out, before = one_or_all(tests), used_model(before, measured)
         show(1)
-        result = identify(measured, before, added, untouched, method, name=out.stem)
+        result = identify(measured, before, added, held_out, method, name=out.stem)
         decomposed = None
         if by_motion:
             decomposed = identify_by_motion(cut_calibration(measured[0]), result.prior)
@@ -223,7 +223,7 @@ def tell(outcome: Outcome, logs: list[Log], model: Path | None, page: Path | Non
     console.section("Undetermined by these logs", seen.words)
     console.section("Invisible to logs of this kind", result.invisible)
     console.section("Log doctor", finding_lines(logs))
-    if not outcome.untouched:
+    if not outcome.held_out:
         console.section("Advice", ["give a log that is not fitted with --test to judge by"])
     console.out.print()
     if model is not None:

@@ -30,8 +30,8 @@ from ident.report.improve import (
     improvement_page,
     verdict,
 )
-from youbot_cli import console, given_effects
-from youbot_cli.given_logs import (
+from youbot_cli import console, effect_options
+from youbot_cli.log_options import (
     FIT,
     SEVERAL,
     TEST,
@@ -88,7 +88,7 @@ def main(
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the HTML page and its figures.")
     ] = None,
-    effects: given_effects.EffectsFile = None,
+    effects: effect_options.EffectsFile = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
     force: console.Force = False,
@@ -100,7 +100,7 @@ def main(
     Every fit is kept in the folder of --report, else beside --json or --out, until all is done: a
     run that was stopped goes on from there when it is called again, with the same result.
     """
-    given_effects.load_effects(effects)
+    effect_options.load_effects(effects)
     page_file = None if report is None else report / "index.html"
     console.check_results(out, json_file, page_file, force=force)
     if not logs:
@@ -211,7 +211,7 @@ def tell(
         ]
         console.out.print()
         what = found.errors.what.capitalize()
-        title = f"{what} on {found.errors.windows} untouched windows, rms"
+        title = f"{what} on {found.errors.windows} held-out windows, rms"
         console.table(title, (*ERRORS_HEAD, ""), rows)
         console.out.print()
         console.table("Base parameters and lumps", base_head(done), base_rows(done))

@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from youbot_cli import console, given_effects
+from youbot_cli import console, effect_options
 from youbot_env.channels import channel_columns
 from youbot_env.measurement import instruments
 from youbot_env.model import Model
@@ -40,8 +40,8 @@ def record(
         str, typer.Option(help="analytic (the equations) or rollers (MuJoCo, real rollers).")
     ] = "analytic",
     model: Annotated[str, typer.Option(help="True robot: model file, nominal or paper.")] = "paper",
-    effect: given_effects.Effects = None,
-    effects: given_effects.EffectsFile = None,
+    effect: effect_options.Effects = None,
+    effects: effect_options.EffectsFile = None,
     motion: Annotated[str, typer.Option(help=f"One of {MOTION_NAMES}, or a file.")] = "calibration",
     speed: Annotated[
         float | None, typer.Option(help="Peak speed of the centre, m/s; the motion's own if left.")
@@ -96,9 +96,9 @@ def record(
     console.check_results(log, truth, json_file, force=force, command=command)
     if log.suffix.lower() != ".csv":
         raise ValueError(f"--out {log}: logs are written as CSV; end the name in .csv")
-    given_effects.load_effects(effects)
+    effect_options.load_effects(effects)
     robot = load_model(model)
-    robot = robot.with_effects(given_effects.parse_effects(effect), name=log.stem)
+    robot = robot.with_effects(effect_options.parse_effects(effect), name=log.stem)
     if any(active.identifier == "drive_hold" for active in robot.effects):
         raise ValueError("--effect drive_hold: what a row's torque is says --hold")
     # Effects of the link ``sensor`` belong to the record, the others to the robot.

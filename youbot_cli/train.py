@@ -17,7 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from controllers import make
 from controllers.training.worlds import MODELS, WORLDS, make_world
-from youbot_cli import console, given_effects
+from youbot_cli import console, effect_options
 from youbot_env.model_file import load_model
 
 CHECKPOINT = "checkpoint.pt"  # as controllers.training.checkpoint, which imports torch
@@ -39,7 +39,7 @@ def train(
         str | None,
         typer.Option(help="The robot in their middle; nominal, or identified."),
     ] = None,
-    effects: given_effects.EffectsFile = None,
+    effects: effect_options.EffectsFile = None,
     steps: Annotated[
         int | None,
         typer.Option(min=1, max=10**9, help="Control periods; what the recipe says if left."),
@@ -80,7 +80,7 @@ def train(
     Exit status 1: the policy is not better on every motion; it is written all the same.  Run it
     with make(ALGORITHM, model=..., policy=FILE).
     """
-    given_effects.load_effects(effects)
+    effect_options.load_effects(effects)
     check_words(algorithm, world, resume, checkpoints)
     need("torch", "stable_baselines3", *(["tensorboard"] if tensorboard else []))
     need(*(["onnx"] if onnx else []))

@@ -12,11 +12,11 @@ import casadi as ca
 import numpy as np
 
 from youbot_env.backend import casadi_ops
-from youbot_env.plant import Robot, State, Structure
+from youbot_env.plant import BoundModel, ModelStructure, State
 from youbot_env.stepping import advance, rk4_step
 
 
-def advance_function(structure: Structure, substeps: int = 1, history: int = 1) -> ca.Function:
+def advance_function(structure: ModelStructure, substeps: int = 1, history: int = 1) -> ca.Function:
     """Build (or find) the CasADi function of one sample interval.
 
     Args:
@@ -25,7 +25,7 @@ def advance_function(structure: Structure, substeps: int = 1, history: int = 1) 
         history: how many torque commands it takes, newest first.
 
     Returns:
-        ``F(state, commands, values, t, dt) -> state`` with ``state`` as ``Structure.flatten``
+        ``F(state, commands, values, t, dt) -> state`` with ``state`` as ``ModelStructure.flatten``
         orders it, ``commands`` an (n, history) matrix in N m, ``values`` as ``Model.names()``,
         time ``t`` and sample time ``dt`` in s.
     """
@@ -33,9 +33,9 @@ def advance_function(structure: Structure, substeps: int = 1, history: int = 1) 
 
 
 class Hidden:
-    """Carries the structure past the cache, whose key is ``Structure.key`` alone."""
+    """Carries the structure past the cache, whose key is ``ModelStructure.key`` alone."""
 
-    def __init__(self, structure: Structure):
+    def __init__(self, structure: ModelStructure):
         self.structure = structure
 
     def __eq__(self, other) -> bool:
@@ -54,7 +54,7 @@ def _build(key: tuple, substeps: int, history: int, hidden: Hidden) -> ca.Functi
     past = tuple(tuple(ca.vertsplit(commands[:, k])) for k in range(history))
     traced = _traced_step(key, hidden)
 
-    def step(robot: Robot, state: State, command: tuple, h, t, ops) -> State:
+    def step(robot: BoundModel, state: State, command: tuple, h, t, ops) -> State:
         now = ca.vertcat(*structure.flatten(state))
         return structure.unflatten(ca.vertsplit(traced(now, ca.vertcat(*command), values, t, h)))
 
@@ -125,7 +125,7 @@ class Stepper(InPlace):
         values: flat values; written by the caller.
     """
 
-    def __init__(self, structure: Structure, dt: float, substeps: int = 1, history: int = 1):
+    def __init__(self, structure: ModelStructure, dt: float, substeps: int = 1, history: int = 1):
         function = advance_function(structure, substeps, history)
         self.dt = dt
         self.state = np.array(structure.flatten(structure.rest()), float)

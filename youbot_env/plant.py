@@ -1,7 +1,7 @@
 """The chain from commanded torques to motion, with effects on its links.
 
 Static structure (which effects there are) and values (numbers, arrays or symbols) are apart: a
-``Structure`` is fixed when a function is built, the values are arguments of it.
+``ModelStructure`` is fixed when a function is built, the values are arguments of it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Structure:
+class ModelStructure:
     """Which platform and which effects, and the flat names of the values they take.
 
     Attributes:
@@ -50,7 +50,7 @@ class Structure:
     track_wheels: bool = False
 
     @classmethod
-    def of(cls, model: Model, track_wheels: bool = False) -> Structure:
+    def of(cls, model: Model, track_wheels: bool = False) -> ModelStructure:
         """Return the structure of a model; wheel angles are tracked where an effect reads them."""
         effects = tuple(active.effect for active in model.effects)
         track = track_wheels or any(effect.needs_wheel_angle for effect in effects)
@@ -103,7 +103,7 @@ class Structure:
         """Whether a law beyond the drive has a memory: forces then need the effects' states."""
         return any(e.state_size(self.platform) and not e.acts("drive") for e in self.effects)
 
-    def bind(self, values) -> Robot:
+    def bind(self, values) -> BoundModel:
         """Give the structure its values, in the order of ``Model.names()``."""
         values = tuple(values)
         theta, at, bound = Theta(*values[:7]), 7, []
@@ -111,10 +111,10 @@ class Structure:
             chosen = dict(zip(names, values[at : at + len(names)], strict=True))
             bound.append((index, effect, effect.arrange(chosen, self.platform)))
             at += len(names)
-        return Robot(self.platform, theta, bound, values)
+        return BoundModel(self.platform, theta, bound, values)
 
 
-class Robot:
+class BoundModel:
     """A structure with values: evaluates delivered torques, accelerations and wheel speeds."""
 
     def __init__(

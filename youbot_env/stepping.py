@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from youbot_env import dynamics
 from youbot_env.backend import Ops
-from youbot_env.plant import Robot, State
+from youbot_env.plant import BoundModel, State
 
 
 def pose_rate(v: tuple, yaw, ops: Ops) -> tuple:
@@ -15,7 +15,7 @@ def pose_rate(v: tuple, yaw, ops: Ops) -> tuple:
     return v[0] * c - v[1] * s, v[0] * s + v[1] * c, v[2]
 
 
-def rk4_step(robot: Robot, state: State, command: tuple, h, t, ops: Ops) -> State:
+def rk4_step(robot: BoundModel, state: State, command: tuple, h, t, ops: Ops) -> State:
     """One Runge-Kutta step of length h with the command held.
 
     Slopes are evaluated at ``ops.coarse`` of the state and added to the state itself, so a batch
@@ -61,7 +61,7 @@ def rk4_step(robot: Robot, state: State, command: tuple, h, t, ops: Ops) -> Stat
 
 
 def advance(
-    robot: Robot,
+    robot: BoundModel,
     state: State,
     commands: tuple,
     dt: float,

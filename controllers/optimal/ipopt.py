@@ -13,7 +13,7 @@ from controllers.optimal.problem import (
     step_functions,
 )
 from controllers.optimal.solution import Request, Solution
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 
 
 class Ipopt:
@@ -28,7 +28,7 @@ class Ipopt:
         iterations: after which IPOPT gives up.
     """
 
-    def __init__(self, structure: Structure, steps: int, iterations: int = 200):
+    def __init__(self, structure: ModelStructure, steps: int, iterations: int = 200):
         self._steps, self._wheels = steps, len(structure.platform.wheels)
         self._size = structure.state_size
         problem, self._commands = transcribe(structure, steps)
@@ -38,11 +38,11 @@ class Ipopt:
 
     def solve(self, request: Request) -> Solution:
         """See ``Solver``."""
-        state, pose, twists, led, t, h, values, weights, deviations, bends = request
-        paths = (state, pose, twists.ravel(), led.ravel())
+        state, pose, twists, delayed, t, h, values, weights, deviations, du = request
+        paths = (state, pose, twists.ravel(), delayed.ravel())
         parameters = np.concatenate([*paths, np.ravel(t), [h], values, weights])
         rest = np.tile(state[BODY:], (self._steps, 1))
-        guess = np.hstack([deviations[1:], rest, bends]).ravel()
+        guess = np.hstack([deviations[1:], rest, du]).ravel()
         limit = weights[-1]
         answer = self._solver(x0=guess, p=parameters, lbg=self._low(-limit), ubg=self._low(limit))
         stats = self._solver.stats()
@@ -64,7 +64,7 @@ class Ipopt:
         return np.tile(one, self._steps)
 
 
-def transcribe(structure: Structure, steps: int) -> tuple[dict, ca.Function]:
+def transcribe(structure: ModelStructure, steps: int) -> tuple[dict, ca.Function]:
     """Write the problem by multiple shooting.
 
     Returns:
@@ -73,11 +73,11 @@ def transcribe(structure: Structure, steps: int) -> tuple[dict, ca.Function]:
     """
     size, wheels = structure.state_size, len(structure.platform.wheels)
     start, path = ca.SX.sym("start", size), ca.SX.sym("pose", 3)
-    twists, led = ca.SX.sym("twists", 3, steps + 1), ca.SX.sym("led", 3, steps + 1)
+    twists, delayed = ca.SX.sym("twists", 3, steps + 1), ca.SX.sym("delayed", 3, steps + 1)
     t, h = ca.SX.sym("t"), ca.SX.sym("h")
     values = ca.SX.sym("values", structure.value_count)
     weights = ca.SX.sym("weights", BODY + 6)
-    parameters = ca.veccat(start, path, twists, led, t, h, values, weights)
+    parameters = ca.veccat(start, path, twists, delayed, t, h, values, weights)
     unknown = ca.SX.sym("x", size + wheels, steps)
     of, (one, need) = split_weights(weights), step_functions(structure)
     before, cost, constraints, wanted = start, 0.0, [], []
@@ -85,7 +85,7 @@ def transcribe(structure: Structure, steps: int) -> tuple[dict, ca.Function]:
         first, last, now = twists[:, k], twists[:, k + 1], t + k * h
         deviation, rest, bend = ca.vertsplit(unknown[:, k], [0, BODY, size, size + wheels])
         on_path = ca.vertcat(path, first, before[BODY:])
-        command = need(values, on_path, led[:, k], led[:, k + 1], now, h, of.torque)
+        command = need(values, on_path, delayed[:, k], delayed[:, k + 1], now, h, of.torque)
         wanted.append(command)
         path = reference_step(path, first, last, h)
         after = ca.vertcat(ca.vertcat(path, last) + deviation, rest)

@@ -17,7 +17,7 @@ import casadi as ca
 
 from controllers.estimator import OPS
 from controllers.inverse import feedforward
-from youbot_env.plant import Robot, State, Structure
+from youbot_env.plant import BoundModel, ModelStructure, State
 from youbot_env.stepping import pose_rate
 
 # Pose and velocity come first in the flat state.
@@ -54,7 +54,7 @@ class Stage(NamedTuple):
     after: Any
 
 
-def stage(structure: Structure, values, before, velocity, command, t, h) -> Stage:
+def stage(structure: ModelStructure, values, before, velocity, command, t, h) -> Stage:
     """Evaluate one step from flat state ``before`` to ``velocity`` at its end; all symbols."""
     robot = structure.bind(ca.vertsplit(values))
     start, torques = structure.unflatten(ca.vertsplit(before)), tuple(ca.vertsplit(command))
@@ -76,7 +76,7 @@ def stage(structure: Structure, values, before, velocity, command, t, h) -> Stag
     return Stage(ca.vertcat(*residual), ca.vertcat(*structure.flatten(after)))
 
 
-def _halfway(robot: Robot, state: State, v: tuple, h) -> tuple[State, tuple]:
+def _halfway(robot: BoundModel, state: State, v: tuple, h) -> tuple[State, tuple]:
     """State with pose and wheel angles half a step on at velocity v, and the pose's rate there."""
     rate = pose_rate(v, state.pose[2] + (h / 2) * v[2], OPS)
     pose = tuple(q + (h / 2) * p for q, p in zip(state.pose, rate, strict=True))
@@ -85,7 +85,7 @@ def _halfway(robot: Robot, state: State, v: tuple, h) -> tuple[State, tuple]:
     return state._replace(pose=pose, wheel_angle=wheels), rate
 
 
-def step_functions(structure: Structure) -> tuple[ca.Function, ca.Function]:
+def step_functions(structure: ModelStructure) -> tuple[ca.Function, ca.Function]:
     """Trace ``stage`` and ``stage_feedforward`` once, to be called for every step.
 
     Returns:
@@ -97,10 +97,10 @@ def step_functions(structure: Structure) -> tuple[ca.Function, ca.Function]:
     first, last = ca.SX.sym("first", 3), ca.SX.sym("last", 3)
     command, t, h, limit = ca.SX.sym("u", wheels), *(ca.SX.sym(name) for name in "thm")
     step = stage(structure, values, before, last, command, t, h)
-    needed = stage_feedforward(structure, values, before, first, last, t, h, limit)
+    u_ff = stage_feedforward(structure, values, before, first, last, t, h, limit)
     return (
         ca.Function("stage", [values, before, last, command, t, h], list(step)),
-        ca.Function("need", [values, before, first, last, t, h, limit], [needed]),
+        ca.Function("need", [values, before, first, last, t, h, limit], [u_ff]),
     )
 
 
@@ -110,7 +110,7 @@ def reference_step(pose, first, last, h):
     return pose + h * ca.vertcat(*pose_rate(v, pose[2] + (h / 2) * v[2], OPS))
 
 
-def stage_feedforward(structure: Structure, values, before, first, last, t, h, limit):
+def stage_feedforward(structure: ModelStructure, values, before, first, last, t, h, limit):
     """Commands (n,) of the reference over one step; flat state for effects that read it."""
     robot = structure.bind(ca.vertsplit(values))
     v = tuple(ca.vertsplit((first + last) / 2))

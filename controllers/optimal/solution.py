@@ -14,24 +14,24 @@ class Request(NamedTuple):
         state: flat state at its beginning.
         pose: pose of the reference then, (3,).
         twists: velocities of the reference at the ends of the steps, (steps + 1, 3).
-        led: the same as much later as the drive lags; what the drive is commanded for.
+        delayed: the same as much later as the drive lags; what the drive is commanded for.
         t, h: time of the beginning and length of a step, s.
         values: values of the model.
         weights: ``problem.Weights`` as one vector.
-        deviations, bends: trajectory and commands to start from, less those of the reference,
+        deviations, du: trajectory and commands to start from, less those of the reference,
             (steps + 1, 6) and (steps, n); zeros where there is no previous solution.
     """
 
     state: np.ndarray
     pose: np.ndarray
     twists: np.ndarray
-    led: np.ndarray
+    delayed: np.ndarray
     t: float
     h: float
     values: np.ndarray
     weights: np.ndarray
     deviations: np.ndarray
-    bends: np.ndarray
+    du: np.ndarray
 
 
 class Solution(NamedTuple):
@@ -41,7 +41,7 @@ class Solution(NamedTuple):
         solved: whether it may be used.
         status: the solver's own word for it.
         iterations: of the nonlinear solver.
-        deviations, bends: as in ``Request``.
+        deviations, du: as in ``Request``.
         reference: commands along the reference, (steps, n), N m.
     """
 
@@ -49,7 +49,7 @@ class Solution(NamedTuple):
     status: str
     iterations: int
     deviations: np.ndarray
-    bends: np.ndarray
+    du: np.ndarray
     reference: np.ndarray
 
 

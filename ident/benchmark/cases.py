@@ -25,7 +25,8 @@ from ident.benchmark.laws import LAWS
 from ident.benchmark.outside import OUTSIDE
 from ident.benchmark.robots import draw_robots
 from ident.benchmark.scaling import amount_for
-from ident.diagnosis.menu import SECONDS, menu
+from ident.diagnosis.experiments import menu
+from ident.diagnosis.settings import SETTINGS
 from ident.log import Log
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
@@ -210,11 +211,11 @@ def record_experiment(case: Case, recorded: Recorded, motion: str) -> Log:
     Args:
         case: the case.
         recorded: what was recorded of it before.
-        motion: name in ``ident.diagnosis.menu``.
+        motion: name in ``ident.diagnosis.experiments``.
     """
     child = case.children(7)[6]
     conditions = recorded.conditions
-    times = conditions.times(SECONDS, np.random.default_rng(child))
+    times = conditions.times(SETTINGS.experiment_seconds, np.random.default_rng(child))
     robot = conditions.driven(recorded.truth, second=False)
     log = record("experiment", robot, menu()[motion], times, Sensors(), child, conditions)
     return conditions.kept(log, np.random.default_rng(child.spawn(1)[0]))

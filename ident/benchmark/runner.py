@@ -13,7 +13,7 @@ from ident.benchmark.cases import Case, Recorded, record_case, record_experiment
 from ident.benchmark.hidden import kin
 from ident.benchmark.methods import METHODS
 from ident.benchmark.store import Store
-from ident.diagnosis.parts import choosing_until
+from ident.diagnosis.splits import choosing_until
 from ident.free_run import free_run
 from ident.workers import spread
 from youbot_env.effects import left_out

@@ -19,9 +19,7 @@ BOOKKEEPING = (
     "store.py",
     "runner.py",
     "summary.py",
-    "targets.py",
     "page.py",
-    "pictures.py",
 )
 
 

@@ -25,7 +25,7 @@ from ident.pooling import as_list, as_one
 from ident.recording import find_recordings
 from ident.recording_words import Instrument
 from ident.regression import AXES, Regression, build_regression
-from ident.shown import Shown
+from ident.results import Shown
 from ident.threads import one_thread
 from youbot_env.model import Model
 from youbot_env.model_file import load_model

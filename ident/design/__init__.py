@@ -14,7 +14,7 @@ from ident.design.limits import Limits
 from ident.design.noise import RATE, NoiseModel
 from ident.design.search import Candidate, Search, plans, search_motion
 from ident.design.verify import Experiment, simulate
-from ident.shown import Shown
+from ident.results import Shown
 from ident.threads import one_thread
 from youbot_env.model import Model
 from youbot_env.model_file import load_model

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.blocks import CALIBRATION
 from ident.design.criterion import Criterion
 from ident.design.limits import Limits
 from ident.design.noise import Information, NoiseModel
+from ident.sequential import CALIBRATION
 from youbot_env.model import Model
 from youbot_env.references import Reference, Sequence, make_reference
 

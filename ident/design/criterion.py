@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ident.observability import OFFSET, X_NAMES, coordinate_factors
-from ident.physical import decode, lump_weights
+from ident.consistency import decode, lump_weights
+from ident.identifiability import OFFSET, X_NAMES, coordinate_factors
 from youbot_env.dynamics import Theta
 from youbot_env.model import Model
 from youbot_env.parameters import UNITS

@@ -13,31 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ident.diagnosis.parts import judges
-from ident.diagnosis.rivals import Refits
-from ident.diagnosis.steps import without
+from ident.diagnosis.refit import Refits, without
+from ident.diagnosis.settings import SETTINGS
+from ident.diagnosis.splits import judges
 from ident.log import Log
 from ident.regression import Regression, build_regression, linear_names
 from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
 
-# Blocks whose scatter makes the standard error.
-BLOCKS = 20
-# Directions of the base weaker than this are left alone.
-WEAK = 1e-9
-# Below this share, by two standard errors, an effect is feigned: laws that the robot has reach 0.7
-# to 1.2 beside others that are still missing, laws that only calm a simulation -0.1 to 0.1.
-DENIED, SURE = 0.5, 2.0
-# Deviation of that share from 1, beside two standard errors, that speaks against a law: of 42 laws
-# that simulated robots had at full size, two thirds of them with real rollers or lasting noise, the
-# farthest reached 0.93 and 1.04; laws that stood for another one 0.64 to 0.87 and 1.3.
-OFF = 0.1
-# An axis along which the robot moves with less than this share of its speed, or of the log's rms,
-# is not judged then.  It stands there but for drift and for what the sensor sees of other axes, and
-# friction holds whatever it has to: rollers of a real robot had 0.1 +- 0.15 of a friction in all
-# rows and 1.1 +- 0.15 in those in which they turn.
-MOVES = 0.25
 # Links of laws that are forces at the measured motion; other laws change that motion itself.
 FORCES = ("shaft", "roller", "body", "drive", "inertial")
 
@@ -56,13 +40,16 @@ class ForceShare(NamedTuple):
     @property
     def denies(self) -> bool:
         """Whether it speaks against the law."""
-        return abs(self.value - 1.0) > OFF + SURE * self.error
+        return abs(self.value - 1.0) > SETTINGS.off_share + SETTINGS.denied_errors * self.error
 
 
 def feigned(simulations: Sequence[Linearised], identifier: str) -> bool:
     """Tell whether the forces of any log deny most of an effect that its simulation contains."""
     shares = [force_share(sim.raw, sim.model, identifier) for sim in simulations]
-    return any(s is not None and s.value + SURE * s.error < DENIED for s in shares)
+    return any(
+        s is not None and s.value + SETTINGS.denied_errors * s.error < SETTINGS.denied_share
+        for s in shares
+    )
 
 
 def confirmations(
@@ -105,11 +92,11 @@ def force_share(log: Log, model: Model, identifier: str) -> ForceShare | None:
         return None
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     turn, strength, _ = np.linalg.svd(columns / scale, full_matrices=False)
-    turn = turn[:, strength > WEAK * strength[0]]
+    turn = turn[:, strength > SETTINGS.force_weak * strength[0]]
     own = trace - turn @ (turn.T @ trace)
     value = float(own @ y / (own @ own))
     error = y - turn @ (turn.T @ y) - value * own
-    blocks = np.array_split(np.arange(len(y)), BLOCKS)
+    blocks = np.array_split(np.arange(len(y)), SETTINGS.force_blocks)
     scores = np.array([own[block] @ error[block] for block in blocks])
     return ForceShare(value, float(np.linalg.norm(scores) / (own @ own)))
 
@@ -119,7 +106,7 @@ def _moved(log: Log, time: np.ndarray) -> np.ndarray:
     v = np.column_stack([np.interp(time, log.time, axis) for axis in log.velocity().T])
     v = np.abs(v * (1.0, 1.0, log.platform.lever))
     speed = np.linalg.norm(v, axis=1, keepdims=True)
-    return v >= MOVES * np.maximum(speed, np.sqrt(np.mean(speed**2)))
+    return v >= SETTINGS.moving_share * np.maximum(speed, np.sqrt(np.mean(speed**2)))
 
 
 def _residual(regression: Regression, model: Model) -> np.ndarray:

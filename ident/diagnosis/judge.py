@@ -15,21 +15,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from ident.consistency import lump_weights
+from ident.diagnosis.settings import SETTINGS
+from ident.identifiability import Seen, observe_regression
 from ident.log import CHANNELS, Log
-from ident.observability import observe_regression
-from ident.physical import lump_weights
 from ident.regression import Regression, build_regression
-from ident.seen import Seen
 from youbot_env.model import Model
 
-# Length of the windows in which forces are judged, s, or one sample: a light robot whose friction
-# is wrong by all of it stops within a tenth of a second, and then shows nothing more.
-SHORT = 0.03
-# Length of the moving mean of drive and velocities, s.
-MEAN = 0.5
-# Median change of speed, in its rms a second, below which a motion counts as steady: a circle has
-# 0.001, a slow joystick 0.4, calibration motions 0.6 to 1.9.
-STEADY = 0.15
 FILTERED = ("wheel_torque", "wheel_voltage", "wheel_velocity", "body_velocity")
 INERTIAL = ("m0", "I0", "I1", "max", "may")
 # Combinations of which motion with any acceleration determines one.
@@ -56,7 +48,7 @@ def inertia_is_seen(logs: Sequence[Log], model: Model) -> bool:
 
 def _steady(log: Log) -> bool:
     """Tell whether the robot holds its speed more than half of the time that it moves."""
-    width = max(1, round(MEAN / log.dt))
+    width = max(1, round(SETTINGS.force_mean / log.dt))
     level = log.velocity() * (1.0, 1.0, log.platform.lever)
     changes, size = [], max(float(np.sqrt(np.mean(level**2) * 3)), 1e-9)
     for start, stop in log.spans:
@@ -65,7 +57,9 @@ def _steady(log: Log) -> bool:
         means = blocks.reshape(count, width, 3).mean(axis=1)
         changes.append(np.linalg.norm(np.diff(means, axis=0), axis=1))
     changes = np.concatenate(changes)
-    return not len(changes) or float(np.median(changes)) < STEADY * MEAN
+    return (
+        not len(changes) or float(np.median(changes)) < SETTINGS.steady_motion * SETTINGS.force_mean
+    )
 
 
 def judged_by_force(log: Log) -> Log:
@@ -74,7 +68,7 @@ def judged_by_force(log: Log) -> Log:
     Drive and velocities pass one moving mean, as a regression filters both sides of its equations:
     single rows of a current hold more noise than force.
     """
-    width = 2 * round(0.5 * MEAN / log.dt) + 1
+    width = 2 * round(0.5 * SETTINGS.force_mean / log.dt) + 1
     kept, starts, means = [], [], {name: [] for name in FILTERED if getattr(log, name) is not None}
     for start, stop in log.spans:
         if stop - start < width + 2:
@@ -85,9 +79,9 @@ def judged_by_force(log: Log) -> Log:
             rows = sliding_window_view(getattr(log, name)[start:stop], width, axis=0)
             parts.append(rows.mean(axis=-1))
     if not kept:
-        return replace(log, window=SHORT)
+        return replace(log, window=SETTINGS.force_window)
     rows = np.concatenate(kept)
     values = {name: getattr(log, name)[rows] for name in ("time", *CHANNELS)
               if getattr(log, name) is not None}  # fmt: skip
     values |= {name: np.concatenate(parts) for name, parts in means.items()}
-    return replace(log, **values, starts=tuple(starts), window=SHORT)
+    return replace(log, **values, starts=tuple(starts), window=SETTINGS.force_window)

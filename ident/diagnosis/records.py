@@ -1,4 +1,11 @@
-"""How the logs of a diagnosis were recorded: found before, freed at the end, then told."""
+"""How the logs of a diagnosis were recorded: found before, freed at the end, then told.
+
+Besides what another record has of its own: a floor that slopes there and not where the robot was
+fitted.
+
+A record with something of its own would otherwise count against every effect that the fitted one
+shows.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.parts import FIT, choosing_until, divide
-from ident.diagnosis.rivals import Refits
+from ident.decimate import DENSE, decimated
+from ident.diagnosis.refit import Refits
+from ident.diagnosis.score_table import ScoreTable
+from ident.diagnosis.settings import SETTINGS
+from ident.diagnosis.splits import FIT, SELECT, Part, choosing_until, divide
+from ident.diagnosis.trials import trials
 from ident.disagreement import disagreements, may_disagree
 from ident.doctor.finding import Finding
 from ident.drive_clock import lead
@@ -16,7 +27,7 @@ from ident.log import Log
 from ident.recording import Recording, find_recordings, with_free_clocks
 from ident.recording_words import CLOSE, SURE, Instrument, clock, plain
 from ident.restored import restored
-from ident.thinning import DENSE, thinned
+from ident.sensitivity import Linearised
 from youbot_env.effects import get_effect
 from youbot_env.measurement import HELD, HOLDS
 from youbot_env.model import Model
@@ -67,11 +78,11 @@ def _apart(records: list[Recording]) -> bool:
 
 
 def ready(record: Recording, model: Model, interval: float) -> Log:
-    """A log for a fit: its instruments undone, and thinned to an interval, s, where it is denser.
+    """A log for a fit: its instruments undone, and decimated to an interval, s, where it is denser.
 
     It states its clock, which a fit may then move, and that the rest is known.
     """
-    log = thinned(restored(record.log, model), interval)
+    log = decimated(restored(record.log, model), interval)
     undone = {
         name: {parameter.name: 0.0 for parameter in get_effect(name).parameters}
         for name in record.log.recording
@@ -154,3 +165,38 @@ def _sensors(log: Log, model: Model) -> list[Instrument]:
             at = names.index(f"{active.identifier}.{name}")
             found.append(plain(log, active.effect, name, value, float(covariance[at, at]) ** 0.5))
     return found
+
+
+def with_differences(parts: list[Part], simulations: tuple[Linearised, ...]) -> Model:
+    """The base model with what lasts through another record and is absent from the fitted ones.
+
+    An effect counts that belongs to a record, removes much of the error of the other one in windows
+    to which it was not fitted, and none of the fitted ones.  Each record then has its own size.
+    """
+    model = simulations[0].model
+    found = [
+        trial
+        for trial in trials(model, [part.log for part in parts])
+        if trial.effect.scope() == "record"
+        and not trial.effect.needs_time
+        and trial.effect.link != "sensor"
+    ]
+    if not found or not any(part.windows(SELECT).any() for part in parts):
+        return model
+    table = ScoreTable.of(parts, list(simulations), found, [])
+    best, share = None, SETTINGS.different_record
+    for number, trial in enumerate(found):
+        gains = table.gains_by_record(number)
+        if (
+            len(gains) > 1
+            and gains[0] > SETTINGS.least_gain
+            and gains[1] > SETTINGS.different_record
+        ):
+            return model  # all records have that, and it may look like something else in one
+        absent = table.explained(number) < SETTINGS.least_gain
+        possible = trial.possible(table.coefficients(number), SETTINGS.bound_slack)
+        if len(gains) > 1 and absent and gains[1] > share and possible:
+            best, share = trial, gains[1]
+    if best is None:
+        return model
+    return model.with_effects({best.identifier: dict.fromkeys(best.names, 0.0)})

@@ -10,33 +10,22 @@ import numpy as np
 from scipy import stats
 
 from ident.contradiction import rolling_variance, wheels_agree
-from ident.diagnosis.dependence import Dependence
-from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.forces import feigned
-from ident.diagnosis.pairs import best_pair
-from ident.diagnosis.parts import FIT, SELECT, Part, by_axis, judges
-from ident.diagnosis.rivals import Candidate, beside, candidate, ranked, window_losses
-from ident.diagnosis.shortlist import LEAST_GAIN, SIGNIFICANT, Shortlist, gain_of
+from ident.diagnosis.lack_of_fit import Dependence
+from ident.diagnosis.refit import Candidate, beside, candidate, ranked, window_losses
+from ident.diagnosis.score_table import ScoreTable
+from ident.diagnosis.screening import Shortlist, best_pair, gain_of
+from ident.diagnosis.settings import SETTINGS
+from ident.diagnosis.splits import FIT, SELECT, Part, by_axis, judges
 from ident.diagnosis.trials import Trial, trials
 from ident.free_run import cut_windows
 from ident.log import Log
 from ident.noise_floor import noise_floor
-from ident.scaled_fit import independent
+from ident.residuals import independent
 from ident.sensitivity import Linearised, window_length
 from ident.unexplained import UNEXPLAINED
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
-
-# A dependence that removes this share of the error while no effect passes, or that leaves less
-# than this share of what the best effect leaves, shows that something else is missing.
-TELLING, OUTSIDE = 0.15, 0.6
-# Where the wheels agree with each other, effects that leave more than this share of an error that
-# is not noise (``UNEXPLAINED``) are not what is missing.
-REMAINDER = 0.3
-# Squared error beyond that of noise, in units of the latter, that noise is no excuse for.
-CLEAR = 0.3
-# Chance below which the error of windows goes with how the robot moves in them.
-STEADY = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +36,7 @@ class Round:
         parts: the logs.
         judged: the same, weighed so that gains on one axis count whatever is left on the others.
         simulations: each simulated with the model.
-        evidence: about every trial.
+        table: about every trial.
         generic: dependences that compete with them.
         gains, p: of each.
         origin: mean squared scaled error, with what every robot has explained, of which an effect
@@ -60,7 +49,7 @@ class Round:
     parts: list[Part]
     judged: list[Part]
     simulations: tuple[Linearised, ...]
-    evidence: Evidence
+    table: ScoreTable
     generic: list[Dependence]
     gains: np.ndarray
     p: np.ndarray
@@ -84,15 +73,15 @@ class Round:
         model, logs = simulations[0].model, [part.log for part in parts]
         with np.errstate(all="ignore"):
             judged = by_axis(parts, simulations)
-            evidence = Evidence.of(judged, list(simulations), trials(model, logs), [])
-        gains = np.array([gain_of(evidence, k) for k in range(len(evidence.columns))])
+            table = ScoreTable.of(judged, list(simulations), trials(model, logs), [])
+        gains = np.array([gain_of(table, k) for k in range(len(table.columns))])
         weights = parts[0].weights
         noise = noise_floor(simulations[0]).of(weights)
-        p = evidence.p_values(seed)[1]
+        p = table.p_values(seed)[1]
         loss = window_losses(parts, simulations)
-        error = float(loss[evidence.role == FIT].mean())
+        error = float(loss[table.role == FIT].mean())
         rolling = float(np.mean(rolling_variance(parts[0].log) * weights**2))
-        return cls(parts, judged, simulations, evidence, generic, gains, p, noise, rolling, loss,
+        return cls(parts, judged, simulations, table, generic, gains, p, noise, rolling, loss,
                    origin or error, unexplained or error)  # fmt: skip
 
     @cached_property
@@ -105,7 +94,7 @@ class Round:
         """The trials, judged."""
         # What rollers leave within a turn is gone from the means that forces are judged by.
         agree = self.wheels_agree or self.parts[0].log.window is not None
-        return Shortlist(self.evidence, self.gains, self.p, self.error, self.noise, self.origin,
+        return Shortlist(self.table, self.gains, self.p, self.error, self.noise, self.origin,
                          agree)  # fmt: skip
 
     @property
@@ -125,15 +114,15 @@ class Round:
             motion = part.log.velocity() / part.log.velocity().std(axis=0)
             drive = part.log.command / part.log.command.std()
             squares += [[np.mean(x[rows] ** 2) for x in (motion, drive)] for rows in index]
-        fitted = self.evidence.role == FIT
+        fitted = self.table.role == FIT
         loss, squares = self.loss[fitted], np.array(squares)[fitted]
         chances = [stats.spearmanr(loss, column).pvalue for column in squares.T]
-        return bool(min(chances) > STEADY and loss.std() < loss.mean())
+        return bool(min(chances) > SETTINGS.uneven_chance and loss.std() < loss.mean())
 
     @property
     def model(self) -> Model:
         """The model of this round."""
-        return self.evidence.model
+        return self.table.model
 
     @property
     def floor(self) -> float:
@@ -143,7 +132,7 @@ class Round:
     @property
     def error(self) -> float:
         """Mean squared scaled error of the fitted windows."""
-        return float(self.loss[self.evidence.role == FIT].mean())
+        return float(self.loss[self.table.role == FIT].mean())
 
     @property
     def excess(self) -> float:
@@ -152,7 +141,7 @@ class Round:
 
     def trial(self, number: int) -> Trial:
         """The trial of a number."""
-        return self.evidence.trials[number]
+        return self.table.trials[number]
 
     def choose(self, present: Candidate | None = None) -> list[Candidate]:
         """The group that fits best, refined; empty where nothing passes.
@@ -160,14 +149,14 @@ class Round:
         Args:
             present: an effect that was chosen before and has to be beaten.
         """
-        found = [candidate(self.parts, self.evidence, k) for k in self.shortlist.worth_refining()]
+        found = [candidate(self.parts, self.table, k) for k in self.shortlist.worth_refining()]
         found = [c for c in found if c is not None and self.helps(c)]
         if present is not None and present.identifier not in {c.identifier for c in found}:
             found.append(present)
         if not found:
             return []
         losses = [self._judge(c) for c in found]
-        return ranked(found, losses, self.evidence.role, self._before, self._independent)
+        return ranked(found, losses, self.table.role, self._before, self._independent)
 
     @cached_property
     def _before(self) -> np.ndarray:
@@ -195,9 +184,9 @@ class Round:
         left = max(self._left(group), 0.0)
         if not self.wheels_agree or left < UNEXPLAINED * self.floor:
             return None
-        if left < REMAINDER * self.excess:
+        if left < SETTINGS.remainder * self.excess:
             return None
-        return best_pair(self.evidence, self._gain_of(group[0]) if group else 0.0)
+        return best_pair(self.table, self._gain_of(group[0]) if group else 0.0)
 
     def _left(self, group: list[Candidate]) -> float:
         """Excess that the best of a group leaves."""
@@ -207,12 +196,14 @@ class Round:
     def dependences(self) -> list[tuple[str, float]]:
         """Signals that a generic dependence is found on, and its gain, strongest first."""
         best: dict[str, float] = {}
-        if self.error < (1.0 + CLEAR) * self.noise:  # measured torques depend on their own noise
+        if (
+            self.error < (1.0 + SETTINGS.clear_excess) * self.noise
+        ):  # measured torques depend on their own noise
             return []
         gains, p = self._general
         for dependence, share, chance in zip(self.generic, gains, p, strict=True):
             gain = share * min(1.0, self.error / self.unexplained)
-            if gain > LEAST_GAIN and chance < SIGNIFICANT:
+            if gain > SETTINGS.least_gain and chance < SETTINGS.significant:
                 signal = dependence.signal
                 best[signal] = max(best.get(signal, 0.0), float(gain))
         return sorted(best.items(), key=lambda item: -item[1])
@@ -221,20 +212,20 @@ class Round:
     def _general(self) -> tuple[np.ndarray, np.ndarray]:
         """Gain and p value of every dependence; made only where somebody asks."""
         with np.errstate(all="ignore"):
-            evidence = Evidence.of(self.parts, list(self.simulations), [], self.generic)
-        gains = np.array([evidence.gain(k) for k in range(len(self.generic))])
-        return gains, evidence.p_values()[0]
+            table = ScoreTable.of(self.parts, list(self.simulations), [], self.generic)
+        gains = np.array([table.gain(k) for k in range(len(self.generic))])
+        return gains, table.p_values()[0]
 
     def outside(self, best: Candidate | None) -> bool:
         """Tell whether a generic dependence explains the logs far better than the best effect."""
         found = self.dependences()
-        if not found or found[0][1] < TELLING:
+        if not found or found[0][1] < SETTINGS.dependence_gain:
             return False
         if best is None:
             return True
         left = 1.0 - max(self.gains[best.number], self._gain_of(best))
         share = min(1.0, self.error / self.unexplained)
-        return 1.0 - found[0][1] / share < OUTSIDE * left
+        return 1.0 - found[0][1] / share < SETTINGS.dependence_left * left
 
     def helps(self, found: Candidate) -> bool:
         """Tell whether the refined effect still lowers the error of every kind of window.
@@ -242,7 +233,7 @@ class Round:
         The forces at the measured motion must not speak against it.
         """
         least, asked = min(self._gains_of(found)), compress(found.simulations, self._asked(found))
-        return least > 0.5 * LEAST_GAIN and not feigned(list(asked), found.identifier)
+        return least > 0.5 * SETTINGS.least_gain and not feigned(list(asked), found.identifier)
 
     def hoped(self) -> list[Candidate]:
         """One effect or two that gain when refined what linear traces do not foretell.
@@ -254,9 +245,9 @@ class Round:
         Returns:
             None, one, or two, the second refined beside the first.
         """
-        if not np.any(self.evidence.role == SELECT) or self.excess < UNEXPLAINED * self.floor:
+        if not np.any(self.table.role == SELECT) or self.excess < UNEXPLAINED * self.floor:
             return []
-        tried = [candidate(self.parts, self.evidence, k) for k in self.shortlist.hopeful()]
+        tried = [candidate(self.parts, self.table, k) for k in self.shortlist.hopeful()]
         alone = [c for c in tried if c is not None and self.helps(c)]
         gains = {c.identifier: self._gains_of(c) for c in alone}
         alone.sort(key=lambda c: -gains[c.identifier][-1])
@@ -267,8 +258,13 @@ class Round:
             now = self._gains_of(both)
             halves = zip(now, gains[first.identifier], gains[second.identifier], strict=True)
             needed = min(_further(gain, max(half)) for gain, *half in halves)
-            better = _further(now[-1], most) > LEAST_GAIN
-            if better and needed > 0.5 * LEAST_GAIN and self._enough(both) and self.helps(both):
+            better = _further(now[-1], most) > SETTINGS.least_gain
+            if (
+                better
+                and needed > 0.5 * SETTINGS.least_gain
+                and self._enough(both)
+                and self.helps(both)
+            ):
                 best, most = [first, both], now[-1]
         return best
 
@@ -277,7 +273,7 @@ class Round:
 
     def _gains_of(self, found: Candidate) -> list[float]:
         """Shares of squared error that a refined effect removes, of every kind of window."""
-        now, before, roles = self._judge(found), self._before, self.evidence.role
+        now, before, roles = self._judge(found), self._before, self.table.role
         asked = np.repeat(self._asked(found), [len(part.role) for part in self.parts])
         kinds = [(roles == role) & asked for role in (FIT, SELECT)]
         return [1.0 - float(now[k].mean() / before[k].mean()) for k in kinds if k.any()]

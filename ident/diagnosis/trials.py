@@ -8,13 +8,15 @@ from itertools import product
 
 import numpy as np
 from scipy.linalg import null_space
+from scipy.signal import find_peaks
 
-from ident.dead_reckoning import dead_reckoning
-from ident.diagnosis.orders import strongest_orders
+from ident.dead_reckoning import dead_reckoning, wheel_angles
+from ident.diagnosis.settings import SETTINGS
+from ident.identifiability_words import NEGLIGIBLE
 from ident.kinematics.ripple import roller_phases
 from ident.log import Log
+from ident.regression import build_regression
 from ident.restored import unknown_pose, unknown_wheel_angle
-from ident.unseen import NEGLIGIBLE
 from youbot_env.backend import NUMPY
 from youbot_env.dynamics import Theta
 from youbot_env.effects import Effect, Parameter, Signals, effect_names, get_effect
@@ -315,3 +317,34 @@ def brackets(active: ActiveEffect, log: Log) -> dict[str, tuple[float, float]]:
         if low < high:
             found[parameter.name] = (float(low), float(high))
     return found
+
+
+def strongest_orders(log: Log, model: Model, count: int = 3) -> tuple[float, ...]:
+    """Orders of the largest peaks in the spectrum over wheel angles of the residual torques.
+
+    The residual is that of the filtered equations; the sum of its values over each small range of
+    an angle is transformed once, whatever the order.
+    """
+    if log.wheel_velocity is None or len(log.pieces()) > 1:
+        return ()
+    regression = build_regression(log, model)
+    known = dict(zip(model.names(), model.values(), strict=True))
+    residual = regression.residual(np.array([known[name] for name in regression.names]))
+    residual = residual / (regression.lever, regression.lever, 1.0)
+    torque = residual @ np.linalg.pinv(log.platform.jacobian_array)
+    angle = wheel_angles(log)[np.searchsorted(log.time, regression.time)]
+    power = np.zeros(SETTINGS.transform_length // 2 + 1)
+    for wheel in range(angle.shape[1]):
+        bins = ((angle[:, wheel] - angle[:, wheel].min()) / SETTINGS.angle_bin).astype(int)
+        if bins.max() >= SETTINGS.transform_length:
+            bins %= SETTINGS.transform_length
+        held = np.bincount(
+            bins, torque[:, wheel] - torque[:, wheel].mean(), SETTINGS.transform_length
+        )
+        power += np.abs(np.fft.rfft(held)) ** 2
+    order = 2 * np.pi * np.fft.rfftfreq(SETTINGS.transform_length, SETTINGS.angle_bin)
+    inside = (order > SETTINGS.lowest_order) & (order < SETTINGS.highest_order)
+    order, power = order[inside], power[inside]
+    peaks, _ = find_peaks(power)
+    best = peaks[np.argsort(-power[peaks])[:count]]
+    return tuple(order[best].tolist())

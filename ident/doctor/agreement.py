@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.doctor.evidence import centre, explained
+from ident.doctor.correlation import centre, explained
 from ident.doctor.record import Record
 from ident.doctor.smoothing import BODY_SOURCES, Smooth, smooth
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.doctor.evidence import explained
+from ident.doctor.correlation import explained
 from ident.doctor.record import Record
 from ident.doctor.smoothing import smooth
 from youbot_env import dynamics

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.doctor.evidence import explained
+from ident.doctor.correlation import explained
 from ident.doctor.record import Record
 from ident.doctor.standing import witnessed
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.doctor.evidence import hear
+from ident.doctor.correlation import correlate
 from ident.doctor.heading import against_wheels
 from ident.doctor.odometry import SCALES, Estimate, Kinematic
 from ident.doctor.record import Record
@@ -175,7 +175,7 @@ def _by_motion(record: Record):
     for source in BODY_SOURCES:
         if source not in signals or not np.any(signals[source]):
             continue
-        evidence = hear(signals["wheel_velocity"], signals[source])
+        evidence = correlate(signals["wheel_velocity"], signals[source])
         if evidence.share < FOLLOWS or evidence.rows is None:
             continue  # where axes move together, their scales pass for those of wheels
         gains = np.ma.masked_invalid(evidence.gains(record.platform.jacobian_array))

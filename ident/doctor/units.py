@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.doctor.evidence import hear
+from ident.doctor.correlation import correlate
 from ident.doctor.lever import WIDEST
 from ident.doctor.record import Record
 from ident.doctor.smoothing import BODY_SOURCES, smooth
@@ -93,7 +93,7 @@ def _gains(record: Record) -> dict[str, np.ndarray]:
     gains, signals = {}, smooth(record)
     for source in BODY_SOURCES:
         if source in signals.signals:
-            evidence = hear(signals.signals["wheel_velocity"], signals.signals[source])
+            evidence = correlate(signals.signals["wheel_velocity"], signals.signals[source])
             if evidence.share > CLEAR:
                 gains[source] = evidence.gains(record.platform.jacobian_array)
     return gains
@@ -181,7 +181,7 @@ def _bodies(record: Record) -> None:
     signals = smooth(record).signals
     if not {"pose", "body_velocity"} <= set(signals):
         return
-    evidence = hear(signals["body_velocity"], signals["pose"])
+    evidence = correlate(signals["body_velocity"], signals["pose"])
     if evidence.share < CLEAR:
         return
     axes = 1 / _median(evidence.gains(np.eye(3)), axis=0)

@@ -13,7 +13,6 @@ from ident.kinematics.drift import Drift, measure_drift
 from ident.kinematics.fit import Fit, fit
 from ident.kinematics.records import contradicting, one_record
 from ident.kinematics.ripple import Ripple, without_ripple
-from ident.kinematics.tables import GAINS, gain_table, mount_table, parameter_table
 from ident.kinematics.wheels import (
     BASE,
     RADIUS,
@@ -24,11 +23,17 @@ from ident.kinematics.wheels import (
     steeper,
 )
 from ident.kinematics.windows import Windows, cut_windows
-from ident.kinematics.words import remarks, undetermined_words
+from ident.kinematics.words import (
+    GAINS,
+    gain_table,
+    mount_table,
+    parameter_table,
+    remarks,
+    undetermined_words,
+)
 from ident.log import Log
 from ident.pooling import as_list
-from ident.quantities import Quantity
-from ident.shown import Shown, quantity_columns
+from ident.results import Quantity, Shown, quantity_columns
 from ident.threads import one_thread
 from youbot_env.model import Model
 from youbot_env.platform import Platform

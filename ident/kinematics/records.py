@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ident.decimate import decimated
 from ident.kinematics.fit import EXPLAINED, MOVES, Fit
 from ident.kinematics.windows import Windows, cut_windows, require_channels, sparse
 from ident.log import CHANNELS, Log
 from ident.pooling import joined
-from ident.thinning import thinned
 from youbot_env.platform import Platform
 
 NEEDED = ("wheel_velocity", "pose")
@@ -22,7 +22,7 @@ def one_record(
 ) -> tuple[Log, dict[str, str]]:
     """Logs as one record, every contiguous piece of them a piece of it.
 
-    Denser logs are thinned to about the rate of the slowest, so that windows of equally many
+    Denser logs are decimated to about the rate of the slowest, so that windows of equally many
     samples last equally long.
 
     Args:
@@ -54,7 +54,7 @@ def one_record(
         return used[0], left
     slowest = max(log.dt for log in used)
     spare = {channel: None for channel in CHANNELS if channel not in NEEDED}
-    return joined([replace(thinned(log, slowest), recording={}, **spare) for log in used]), left
+    return joined([replace(decimated(log, slowest), recording={}, **spare) for log in used]), left
 
 
 def require_wheels(log: Log, platform: Platform) -> None:

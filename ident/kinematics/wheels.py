@@ -18,7 +18,7 @@ from youbot_env.backend import NUMPY, Ops, casadi_ops
 from youbot_env.dynamics import Theta
 from youbot_env.effects import get_effect
 from youbot_env.effects.roller_ripple import PITCH
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 from youbot_env.platform import Geometry, Platform
 
 RADIUS, BASE, ROLLER = "wheel_radius_error", "base_geometry_error", "roller_angle_error"
@@ -137,7 +137,7 @@ def middle_phases() -> np.ndarray:
 def _geometry(platform: Platform, effects: dict[str, dict], angle, ops: Ops) -> Geometry:
     """Jacobians under effects at wheel angles, in components."""
     kinds = tuple(get_effect(name) for name in effects)
-    structure = Structure(platform, kinds, tuple(tuple(values) for values in effects.values()))
+    structure = ModelStructure(platform, kinds, tuple(tuple(values) for values in effects.values()))
     flat = [value for values in effects.values() for value in values.values()]
     robot = structure.bind([*Theta(*[0.0] * 7), *flat])
     count, still = len(platform.wheels), (0.0, 0.0, 0.0)

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ident.decimate import decimated
 from ident.log import Log
-from ident.thinning import thinned
 
 # Pose and wheel clocks may differ by this much, s; windows keep the distance from gaps and ends.
 LONGEST_DELAY = 0.3
@@ -217,7 +217,7 @@ def sparse(log: Log) -> Log:
         ValueError: a channel that is needed is missing.
     """
     require_channels(log)
-    return log if log.dt > DENSE else thinned(log, THINNED)
+    return log if log.dt > DENSE else decimated(log, THINNED)
 
 
 def require_channels(log: Log) -> None:

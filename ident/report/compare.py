@@ -9,8 +9,7 @@ import numpy as np
 from ident.comparison import Beside, Comparison, Standing
 from ident.log import Log
 from ident.report import compare_where, motion
-from ident.report.compare_play import player
-from ident.report.compare_time import time_figure
+from ident.report.compare_time import player, time_figure
 from ident.report.compare_words import (
     BESIDE,
     FREE_RUN_HEAD,

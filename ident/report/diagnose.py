@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ident.comparison import compare
-from ident.diagnosis.experiment import CERTAIN
-from ident.diagnosis.power import POWER, Reach
-from ident.diagnosis.shortlist import CHANGING, LEAST_GAIN
-from ident.diagnosis.verdict import Diagnosis
+from ident.consistency import invisible
+from ident.diagnosis.diagnose import Diagnosis
+from ident.diagnosis.minimum_detectable import MinimumDetectable
+from ident.diagnosis.settings import SETTINGS
 from ident.log import Log
-from ident.physical import invisible
 from ident.recording_words import in_words
 from ident.report import motion
 from ident.report.compare_words import probability
@@ -59,12 +58,12 @@ def lead(found: Diagnosis) -> str:
         return f"{found.log}: nothing was fitted, and nothing is named."
     used = sum(part.log.duration for part in found.first.parts)
     return (
-        f"{found.log}: {len(found.reach)} effects were tried on {used:.0f} s of motion. An effect "
-        f"counts when it is significant among all that were tried and removes more than "
-        f"{100 * LEAST_GAIN:.0f} % of the squared free-run error of stretches to which it was not "
-        f"fitted; what changes with time {100 * CHANGING:.0f} % of that to which it was. "
-        f"{found.errors.windows} windows were kept for the end; nothing was fitted to them or "
-        "chosen by them."
+        f"{found.log}: {len(found.minimum_detectable)} effects were tried on {used:.0f} s of "
+        f"motion. An effect counts when it is significant among all that were tried and removes "
+        f"more than {100 * SETTINGS.least_gain:.0f} % of the squared free-run error of stretches "
+        f"to which it was not fitted; what changes with time {100 * SETTINGS.changing:.0f} % of "
+        f"that to which it was. {found.errors.windows} windows were kept for the end; nothing was "
+        "fitted to them or chosen by them."
     )
 
 
@@ -130,7 +129,8 @@ def _tried(found: Diagnosis) -> Section:
         "together with the base parameters; of those that then fit alike the simplest is added "
         "(bold). An effect that is looked for and not there makes errors larger where it was not "
         "fitted; an arrow: by more than the picture shows. Right: the smallest size that these "
-        f"logs show with a chance of {100 * POWER:.0f} %, and the chance to see the typical size."
+        f"logs show with a chance of {100 * SETTINGS.power:.0f} %, and the chance to see the "
+        "typical size."
     )
     if found.first.parts[0].log.drive == "voltage":
         caption += " Typical are sizes in N m; beside sizes in volts they say little."
@@ -138,20 +138,20 @@ def _tried(found: Diagnosis) -> Section:
     rows = [
         (r.effect, r.parameter, _figure(r.size, r), " ... ".join(_figure(v, r) for v in r.ci95),
          r.unit or "-", f"{100 * r.gain:.1f}", probability(r.p))
-        for r in sorted(found.reach, key=lambda one: -one.gain)
+        for r in sorted(found.minimum_detectable, key=lambda one: -one.gain)
     ]  # fmt: skip
     table = (
         "Sizes before anything else is added: effects that stand in for a missing one take its "
         "place here. Gain: share of squared error removed where it was not fitted."
     )
     blocks = [
-        Picture("effects", gains_figure(found.reach, named), caption),
+        Picture("effects", gains_figure(found.minimum_detectable, named), caption),
         Grid(head, rows, table, words=(0, 1, 4)),
     ]
     return Section("Every effect that was tried", blocks)
 
 
-def _figure(value: float, one: Reach) -> str:
+def _figure(value: float, one: MinimumDetectable) -> str:
     return rounded(value, max((one.ci95[1] - one.ci95[0]) / 4, 1e-12))
 
 
@@ -216,8 +216,8 @@ def _experiment(found: Diagnosis) -> Section | None:
 
 def odds(value: float) -> str:
     """Odds as people say them."""
-    if value >= CERTAIN:
-        return f"more than {CERTAIN:,.0f} to 1"
+    if value >= SETTINGS.certain_odds:
+        return f"more than {SETTINGS.certain_odds:,.0f} to 1"
     return f"{value:,.0f} to 1" if value >= 9.5 else f"{value:.1f} to 1"
 
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.diagnosis.power import POWER, Reach
-from ident.diagnosis.shortlist import LEAST_GAIN, OVERWHELMING, SIGNIFICANT
-from ident.diagnosis.untouched import FreeRunErrors
+from ident.diagnosis.holdout import FreeRunErrors
+from ident.diagnosis.minimum_detectable import MinimumDetectable
+from ident.diagnosis.settings import SETTINGS
 from ident.improvement import LUMPS
-from ident.quantities import Quantity
 from ident.report.estimates import symbol
 from ident.report.look import (
     IDENTIFIED,
@@ -20,6 +19,7 @@ from ident.report.look import (
     span,
 )
 from ident.report.outcome import percent, rounded
+from ident.results import Quantity
 
 SOFT = "#5a6069"
 ROW_HEIGHT = 0.27  # in
@@ -31,27 +31,29 @@ LOWEST = -0.15
 AXES = (("$V_X$", "m/s"), ("$V_Y$", "m/s"), ("$\\Omega$", "rad/s"))
 
 
-def gains_figure(reach: tuple[Reach, ...], named: tuple[str, ...]) -> bytes:
+def gains_figure(detectable: tuple[MinimumDetectable, ...], named: tuple[str, ...]) -> bytes:
     """Share of the squared error that each effect removes where it was not fitted.
 
     Args:
-        reach: every effect that was tried.
+        detectable: every effect that was tried.
         named: identifiers of those that were added.
     """
-    shown = sorted(reach, key=lambda one: -one.gain)
+    shown = sorted(detectable, key=lambda one: -one.gain)
     height = 1.25 + ROW_HEIGHT * len(shown)
     return figure(height)(_draw_gains)(shown, named, height)
 
 
-def _draw_gains(canvas, shown: list[Reach], named: tuple[str, ...], height: float) -> None:
+def _draw_gains(
+    canvas, shown: list[MinimumDetectable], named: tuple[str, ...], height: float
+) -> None:
     from matplotlib.lines import Line2D
 
     axis = canvas.add_axes((0.2, 0.55 / height, 0.43, 1 - 1.25 / height))
     axis.axvline(0.0, color=MEASURED, linewidth=1.0)
-    axis.axvline(100 * LEAST_GAIN, color=NOMINAL, linewidth=1.4)
+    axis.axvline(100 * SETTINGS.least_gain, color=NOMINAL, linewidth=1.4)
     for row, one in enumerate(shown):
-        sure = one.p < SIGNIFICANT or one.gain > OVERWHELMING
-        color = IDENTIFIED if sure and one.gain > LEAST_GAIN else MEASURED
+        sure = one.p < SETTINGS.significant or one.gain > SETTINGS.overwhelming
+        color = IDENTIFIED if sure and one.gain > SETTINGS.least_gain else MEASURED
         at = 100 * max(one.gain, LOWEST)
         axis.plot((0.0, at), (row, row), color=color, linewidth=2.4, solid_capstyle="butt")
         marker = "<" if one.gain < LOWEST else "o"
@@ -59,7 +61,7 @@ def _draw_gains(canvas, shown: list[Reach], named: tuple[str, ...], height: floa
         axis.plot(at, row, marker, color=color, markerfacecolor=filled, markersize=6)
         smallest = "never" if one.smallest is None else f"{one.smallest:.2g} {pretty(one.unit)}"
         style = {"va": "center", "fontsize": 9.5, "xycoords": ("axes fraction", "data"),
-                 "color": INK if one.power >= POWER else SOFT}  # fmt: skip
+                 "color": INK if one.power >= SETTINGS.power else SOFT}  # fmt: skip
         axis.annotate(f"{one.parameter} = {smallest}", (1.05, row), **style)
         axis.annotate(f"{one.typical:.2g}", (1.52, row), ha="right", **style)
         axis.annotate(f"{100 * one.power:.0f} %", (1.74, row), ha="right", **style)
@@ -91,7 +93,7 @@ def _draw_gains(canvas, shown: list[Reach], named: tuple[str, ...], height: floa
 
 @figure(lambda errors: 1.15 + 0.42 * len(errors.names))
 def error_steps_figure(canvas, errors: FreeRunErrors) -> None:
-    """Free-run error on untouched windows with every effect that was added."""
+    """Free-run error on held-out windows with every effect that was added."""
     height = canvas.get_figheight()
     names = ["base model", *(f"+ {name}" for name in errors.names[1:])]
     grid = canvas.add_gridspec(

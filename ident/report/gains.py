@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.quantities import Quantity
 from ident.report.look import IDENTIFIED, MEASURED, figure
+from ident.results import Quantity
 
 
 @figure(lambda gains: 0.9 + 0.45 * len(gains))

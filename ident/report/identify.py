@@ -89,7 +89,7 @@ def identification_page(outcome: Outcome, provenance: dict[str, str], logs: Sequ
 def _prediction(outcome: Outcome) -> Section:
     label = outcome.label
     png = motion.free_run_figure(outcome.before_run, outcome.after_run, label)
-    kind = "kept out of the fit" if outcome.untouched else "the one that was fitted"
+    kind = "kept out of the fit" if outcome.held_out else "the one that was fitted"
     caption = (
         f"Body velocities of {outcome.judged_on}, {kind}, and the same simulated in free run"
         f"{_shown(outcome.before_run.time, motion.SHOWN)}. A line that breaks starts anew at the "

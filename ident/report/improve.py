@@ -12,7 +12,7 @@ from ident.report.diagnose_figures import base_figure
 from ident.report.outcome import percent, rounded
 from ident.report.page import Grid, Notes, Page, Picture, Section
 
-ERRORS_HEAD = ("model", "vx m/s", "vy m/s", "yaw rad/s", "all %", "way to noise %")
+ERRORS_HEAD = ("model", "vx m/s", "vy m/s", "yaw rad/s", "all %", "share of the gap closed %")
 
 
 def improvement_page(
@@ -63,7 +63,7 @@ def verdict(done: Improvement) -> str:
         low, high = found.errors.drop_ci95
         sentence += (
             f" The model keeps {', '.join(added)} as the best there is: the {found.errors.what} on "
-            f"untouched windows falls by {percent(max(low, 0.0))} to {percent(high)}. That does "
+            f"held-out windows falls by {percent(max(low, 0.0))} to {percent(high)}. That does "
             "not say that the robot has them."
         )
     return sentence

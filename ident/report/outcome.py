@@ -11,8 +11,8 @@ from ident.diagnosis.judge import inertia_is_seen
 from ident.free_run import FreeRun, free_run
 from ident.identification import Identification, equation_error
 from ident.log import Log
-from ident.quantities import Quantity, listed_names
 from ident.regression import Regression, build_regression
+from ident.results import Quantity, listed_names
 from ident.unexplained import Unexplained
 from youbot_env.model import Model
 from youbot_env.parameters import MEANING, UNITS
@@ -80,7 +80,7 @@ class Outcome:
         return "before" if self.before.name == self.result.model.name else self.before.name
 
     @property
-    def untouched(self) -> bool:
+    def held_out(self) -> bool:
         """Whether the log was kept out of the fit."""
         return self.result.test is not None
 
@@ -121,9 +121,9 @@ class Outcome:
     @property
     def verdict(self) -> str:
         """How well the identified model predicts, in a sentence."""
-        kind = "the untouched log" if self.untouched else "the log it was fitted to,"
+        kind = "the held-out log" if self.held_out else "the log it was fitted to,"
         if len(self.logs) > 1 or self.log.runs:
-            kind = "the untouched logs" if self.untouched else "the logs it was fitted to,"
+            kind = "the held-out logs" if self.held_out else "the logs it was fitted to,"
         if self.forces:
             before, after = map(percent, self.forces)
             return (
@@ -147,7 +147,7 @@ class Outcome:
         }
         return {
             "verdict": self.verdict,
-            "judged_on": {"log": self.judged_on, "untouched": self.untouched, **free_runs},
+            "judged_on": {"log": self.judged_on, "untouched": self.held_out, **free_runs},
             "unexplained_force": dict(zip(("before", "after"), self.forces, strict=True))
             if self.forces
             else None,

@@ -9,8 +9,8 @@ import gymnasium as gym
 import numpy as np
 
 from youbot_env.backend import FLOAT, NUMPY
-from youbot_env.envs.look import Look
 from youbot_env.envs.noise import BLOCK, noise_block
+from youbot_env.envs.observation import Observation
 from youbot_env.envs.options import EpisodeOptions, check_action, diverged
 from youbot_env.envs.settings import TrackingSettings
 from youbot_env.model import Model
@@ -92,7 +92,7 @@ class TrackingEnv(gym.Env):
         self.observation_space = self.task.observation_space
         self._size = self.action_space.shape
         self._plant = self._make_plant(self.model)
-        self._look: Look | None = None
+        self._observation: Observation | None = None
         self._view = None
 
     def _make_plant(self, model: Model):
@@ -112,11 +112,11 @@ class TrackingEnv(gym.Env):
         if self.randomization is not None:
             self._replace_robot(self.randomization.draw(self.model, rng))
         reference = chosen.reference or self.reference
-        if self._look is None or reference is not self._followed:
-            self._look, self._followed = Look(self.task, reference), reference
+        if self._observation is None or reference is not self._followed:
+            self._observation, self._followed = Observation(self.task, reference), reference
         constant = reference.constant
-        self._look.values[:] = reference.draw(rng) if constant is None else constant
-        first = reference.evaluate(self._look.values.tolist(), 0.0, FLOAT)
+        self._observation.values[:] = reference.draw(rng) if constant is None else constant
+        first = reference.evaluate(self._observation.values.tolist(), 0.0, FLOAT)
         offset = chosen.offset_from(rng.random(3)).tolist()
         pose, velocity = chosen.start(first, offset, FLOAT)
         self._plant.reset(pose, velocity)
@@ -139,7 +139,7 @@ class TrackingEnv(gym.Env):
             ValueError: an action of another shape or type, or one that is not finite.
             FloatingPointError: the simulation left the finite numbers.
         """
-        if self._look is None:
+        if self._observation is None:
             raise gym.error.ResetNeeded("call reset() before step()")
         action = check_action(action, self._size)
         if self.task.action_level == "torque":
@@ -150,7 +150,7 @@ class TrackingEnv(gym.Env):
         self._plant.step(self._torque)
         self._steps += 1
         t = self._steps * self.task.dt
-        self._look.action[:] = action
+        self._observation.action[:] = action
         observation, reward, lost = self._see(t)
         if reward != reward:
             raise diverged(t)
@@ -163,8 +163,8 @@ class TrackingEnv(gym.Env):
             at = self._steps % BLOCK
             if at == 0 and self._steps:
                 self._noise = noise_block(self._noise_scale, self.np_random)
-            self._look.noise[:] = self._noise[at]
-        return self._look(self._motion(), t)
+            self._observation.noise[:] = self._noise[at]
+        return self._observation(self._motion(), t)
 
     def _loop_torque(self, action: tuple) -> tuple:
         task, geometry = self.task, self.task.platform.geometry
@@ -180,7 +180,7 @@ class TrackingEnv(gym.Env):
         return {
             "time": self._steps * self.task.dt,
             "pose": self._motion()[:3].copy(),
-            "reference_pose": self._look.wanted.copy(),
+            "reference_pose": self._observation.wanted.copy(),
             "torque": np.array(self._torque),
         }
 
@@ -196,7 +196,7 @@ class TrackingEnv(gym.Env):
             "wheel_velocity": self._plant.wheel_velocity,
             "wheel_torque": np.array(self._torque),
             "pose": self._plant.pose,
-            "reference": self._look.twist.copy(),
+            "reference": self._observation.twist.copy(),
         }
 
     def render(self):
@@ -212,10 +212,10 @@ class TrackingEnv(gym.Env):
         self._trail.append(pose[:2])
         if self._path is None:
             times = np.arange(0.0, min(self._end, DRAWN_SECONDS), 0.05)
-            values = self._look.values.tolist()
+            values = self._observation.values.tolist()
             ahead = self._followed.evaluate(values, times, NUMPY).pose[:2]
             self._path = np.stack(np.broadcast_arrays(*ahead, times)[:2], axis=1)
-        wanted = self._look.wanted
+        wanted = self._observation.wanted
         heading = (math.cos(pose[2]), math.sin(pose[2]))
         error = self.task.error(tuple(pose.tolist()), heading, tuple(wanted.tolist()), FLOAT)
         caption = (

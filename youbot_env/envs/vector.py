@@ -13,9 +13,9 @@ from gymnasium.vector.utils import batch_space
 from youbot_env.backend import NUMPY, NUMPY_FAST
 from youbot_env.envs.noise import BLOCK, noise_block
 from youbot_env.envs.options import EpisodeOptions, as_numbers, diverged
-from youbot_env.envs.schedule import make_schedule
+from youbot_env.envs.reference_buffer import make_buffer
 from youbot_env.envs.settings import TrackingSettings
-from youbot_env.plant import State, Structure
+from youbot_env.plant import ModelStructure, State
 from youbot_env.simulation import choose_substeps
 from youbot_env.simulation.analytic import history_length
 from youbot_env.stepping import advance
@@ -63,10 +63,10 @@ class TrackingVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._high = self.single_observation_space.high[:, None]
-        self._structure = Structure.of(self.model)
+        self._structure = ModelStructure.of(self.model)
         self._substeps = choose_substeps(self.model, self.task.dt)
         self._generators: list[np.random.Generator] = []
-        self._schedule = make_schedule(self.reference, self.task, num_envs, max_episode_steps)
+        self._buffer = make_buffer(self.reference, self.task, num_envs, max_episode_steps)
         self._state: State | None = None
 
     # Resetting
@@ -143,7 +143,7 @@ class TrackingVectorEnv(VectorEnv):
             for i, rng in zip(rows, generators, strict=True):
                 self._robot_values[:, i] = self.randomization.draw(self.model, rng).values()
             self._bind()
-        first = self._schedule.begin(rows, generators)
+        first = self._buffer.begin(rows, generators)
         uniform = np.array([rng.random(3) for rng in generators])
         if self.sensors is not None:
             for i, rng in zip(rows, generators, strict=True):
@@ -191,7 +191,7 @@ class TrackingVectorEnv(VectorEnv):
         )
         self._steps += 1
         t = self._time()
-        self._schedule.advance()
+        self._buffer.advance()
         renewed = mode is AutoresetMode.NEXT_STEP and again.size > 0
         if renewed:
             self._begin(again, EpisodeOptions())
@@ -270,7 +270,7 @@ class TrackingVectorEnv(VectorEnv):
     def _error(self) -> tuple:
         """Pose error, with the heading that observing needs again."""
         self._heading = NUMPY.cos_sin(self._state.pose[2].astype(np.float32))
-        self._wanted = self._schedule.pose()
+        self._wanted = self._buffer.pose()
         return self.task.error(self._state.pose, self._heading, self._wanted, NUMPY_FAST)
 
     def _observation(self, error: tuple, rows: np.ndarray | None = None) -> np.ndarray:
@@ -283,7 +283,7 @@ class TrackingVectorEnv(VectorEnv):
         block = np.empty((len(self._high), self.num_envs), np.float32)
         for row, component in enumerate(flat):
             block[row] = component
-        block[8:] = self._schedule.twists()
+        block[8:] = self._buffer.twists()
         np.clip(block, -self._high, self._high, out=block)
         return block.T if rows is None else block[:, rows].T
 

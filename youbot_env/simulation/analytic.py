@@ -10,7 +10,7 @@ from youbot_env.arguments import check_kind, check_number
 from youbot_env.backend import FLOAT
 from youbot_env.compiled import Stepper
 from youbot_env.model import Model
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 
 # A Runge-Kutta step may be this fraction of the fastest time constant.  At 0.5 the fourth-order
 # error of one step stays below 1e-6 of the change within it.
@@ -24,7 +24,7 @@ MOST_SUBSTEPS = 2000
 
 def fastest_rate(model: Model) -> float:
     """Fastest rate of the model near rest, 1/s: steep friction laws and lags included."""
-    structure = Structure.of(model)
+    structure = ModelStructure.of(model)
     robot = structure.bind(model.values())
     state = structure.rest()
     command = (0.0,) * len(model.platform.wheels)
@@ -66,7 +66,7 @@ def choose_substeps(model: Model, dt: float, fraction: float = STEP_FRACTION) ->
     return max(1, math.ceil(steps))
 
 
-def history_length(structure: Structure, longest_delay: float, dt: float) -> int:
+def history_length(structure: ModelStructure, longest_delay: float, dt: float) -> int:
     """How many torque commands ``stepping.advance`` needs for delays up to ``longest_delay``, s."""
     if not any(effect.acts("delay") for effect in structure.effects):
         return 1
@@ -103,7 +103,7 @@ class AnalyticPlant:
     def set_model(self, model: Model) -> None:
         """Take another model's effects and values; the robot is at rest at the origin after it."""
         model.check()
-        structure = Structure.of(model, track_wheels=True)
+        structure = ModelStructure.of(model, track_wheels=True)
         self.model, self._robot = model, structure.bind(model.values())
         history = history_length(structure, self._robot.delay(), self.dt)
         built = (structure.key, choose_substeps(model, self.dt), history)

@@ -14,7 +14,7 @@ import numpy as np
 from youbot_env.backend import NUMPY, casadi_ops
 from youbot_env.compiled import Hidden, advance_function
 from youbot_env.model import Model
-from youbot_env.plant import Structure
+from youbot_env.plant import ModelStructure
 from youbot_env.references import Reference
 from youbot_env.references.eased import EASE_IN, Eased
 from youbot_env.simulation.analytic import STEP_FRACTION, choose_substeps, history_length
@@ -61,7 +61,7 @@ def record_closed_loop(
         N m, ``pose`` (N, 3) m, m, rad, ``reference`` (N, 3) m/s, m/s, rad/s.
     """
     model.check()
-    structure, times = Structure.of(model), np.asarray(times, float)
+    structure, times = ModelStructure.of(model), np.asarray(times, float)
     at = LoopInstants.of(times, loop_rate)
     draws, noise = (np.random.default_rng(c) for c in np.random.SeedSequence(seed).spawn(2))
     eased, clock = Eased(of=reference, seconds=ease), at.time - times[0]

@@ -1,0 +1,465 @@
+"""Which effect is missing: what the search found, judged by windows that were never touched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import compress
+from typing import Any
+
+from ident.comparison import Regime, compare
+from ident.decimate import SEARCHED
+from ident.diagnosis.excitation import unfit
+from ident.diagnosis.experiments import CALIBRATION, Experiment, separating
+from ident.diagnosis.forces import ForceShare, confirmations
+from ident.diagnosis.holdout import FreeRunErrors, confirmed, free_run_errors
+from ident.diagnosis.judge import inertia_is_seen, judged_by_force
+from ident.diagnosis.lack_of_fit import dependences
+from ident.diagnosis.minimum_detectable import MinimumDetectable, minimum_detectable
+from ident.diagnosis.records import (
+    freed,
+    of_other_robots,
+    ready,
+    recordings,
+    told,
+    with_differences,
+    with_unknown_hold,
+)
+from ident.diagnosis.refit import Refits, refit
+from ident.diagnosis.rounds import Round
+from ident.diagnosis.selection import Search, Step, chain_of, search, with_steps
+from ident.diagnosis.settings import SETTINGS
+from ident.diagnosis.splits import divide, weigh
+from ident.diagnosis.trials import behind_gap, untried
+from ident.disagreement import disagreements, may_judge, not_used
+from ident.doctor.finding import Finding
+from ident.identifiability import FAINT
+from ident.instruments import without_instruments, without_late
+from ident.kinematics.ripple import with_phases_of
+from ident.log import Log
+from ident.output_error import OutputError
+from ident.pooling import as_list, pooled
+from ident.recording import Recording
+from ident.recording_words import Instrument
+from ident.repeats import Repeat, repeats
+from ident.results import Shown
+from ident.threads import one_thread
+from ident.unexplained import UNEXPLAINED
+from youbot_env.effects import get_effect
+from youbot_env.model import Model
+from youbot_env.model_file import load_model
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Shown):
+    """What is missing from a model.
+
+    Attributes:
+        log: name of the record.
+        verdict: ``named``, ``ambiguous``, ``nothing_missing``, ``outside_library`` or
+            ``cannot_say``.
+        reason: why, in a sentence.
+        steps: effects in the order of their importance, background last.
+        model: base and effects, refined, with covariance.
+        base: the model without the effects, refined.
+        minimum_detectable: what the log would have shown of every effect.
+        depends_on: signals that the remaining error depends on, strongest first.
+        errors: free-run errors of base, of every step and of the model on held-out windows.
+        first, last: the first and the last round; None where the log decides nothing.
+        experiment: what to record next, where that would tell more.
+        chain: models from the base to the last, each with the effect that it has more.
+        models: for each of them the model of every log, with its own record and instruments.
+        recording: how the rows of every log came to be.
+        forces: by effect, for every log the share of it that forces at the measured motion confirm,
+            with its standard error, where they can.
+        untried: effects that the logs cannot show, by name, with the reason and what to record.
+        repeats: motion across equal strokes, and what of it repeats.
+        differs: logs to judge by that are not of the robot of the fitted ones, by name.
+    """
+
+    log: str
+    verdict: str
+    reason: str
+    steps: tuple[Step, ...]
+    model: Model
+    base: Model
+    minimum_detectable: tuple[MinimumDetectable, ...] = ()
+    depends_on: tuple[tuple[str, float], ...] = ()
+    errors: FreeRunErrors | None = None
+    first: Round | None = None
+    last: Round | None = None
+    experiment: Experiment | None = None
+    chain: tuple[tuple[str, Model], ...] = ()
+    models: tuple[tuple[Model, ...], ...] = ()
+    recording: tuple[Instrument, ...] = ()
+    forces: dict[str, list[ForceShare]] = field(default_factory=dict)
+    untried: dict[str, str] = field(default_factory=dict)
+    repeats: tuple[Repeat, ...] = ()
+    differs: dict[str, Finding] = field(default_factory=dict)
+
+    @property
+    def named(self) -> tuple[Step, ...]:
+        """Steps that count as an answer; what is the recording's is not the robot's."""
+        if self.verdict not in ("named", "ambiguous"):
+            return ()
+        return tuple(step for step in self.steps if not step.recording)
+
+    def where(self) -> tuple[Regime, ...]:
+        """Regimes in which the base model fails, those with most error for their time first."""
+        if self.first is None:
+            return ()
+        return compare(self.first.parts[0].log, [self.base])[0].where
+
+    def headline(self) -> str:
+        """See the base class."""
+        return f"{self.log}: {self.verdict}: {self.reason}"
+
+    def table(self) -> dict[str, list[Any]]:
+        """The effects that were added, with sizes, intervals and the error after each."""
+        drops = self.errors.drops if self.errors else {}
+        rows = [
+            (step.best.identifier, "/".join(step.group), flat, q.value, *(q.ci95 or (None, None)),
+             q.unit, drops.get(step.best.identifier))
+            for step in self.steps
+            for flat, q in step.sizes(self.model).items()
+        ]  # fmt: skip
+        head = ("effect", "group", "size", "value", "low", "high", "unit", "error drop")
+        return {name: [row[k] for row in rows] for k, name in enumerate(head)}
+
+    def plot(self):
+        """The error on held-out windows with every effect that was added.
+
+        Raises:
+            ValueError: the logs decide nothing, so that there is no error.
+        """
+        from ident.report.diagnose_figures import error_steps_figure
+
+        if self.errors is None:
+            raise ValueError(f"nothing to draw: {self.reason}")
+        return error_steps_figure.on_canvas(self.errors)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what ``diagnose.py --json`` writes."""
+        drops = self.errors.drops if self.errors else {}
+        return {
+            "log": self.log,
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "named": [
+                {
+                    "effect": step.best.identifier,
+                    "group": list(step.group),
+                    "size": {k: q.as_dict() for k, q in step.sizes(self.model).items()},
+                    "p_adjusted": step.p,
+                    "error_drop": drops.get(step.best.identifier),
+                    "forces": self.forces.get(step.best.identifier, []),
+                }
+                for step in self.named
+            ],
+            "recording": [one.as_dict() for one in self.recording],
+            "candidates": [one.as_dict() for one in self.minimum_detectable],
+            "untried": self.untried,
+            "repeats": [one.as_dict() for one in self.repeats],
+            "where": [regime.as_dict() for regime in self.where()],
+            "experiment": self.experiment.as_dict() if self.experiment else None,
+            "depends_on": [signal for signal, _ in self.depends_on],
+            "free_run": self.errors.as_dict() if self.errors else
+                        {"before": None, "after": None, "noise_floor": None},
+        }  # fmt: skip
+
+
+@one_thread
+def diagnose(
+    logs: Log | Sequence[Log],
+    model: str | Model = "nominal",
+    test: Log | Sequence[Log] | None = None,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Look for effects that are missing from a model.
+
+    Args:
+        logs: records of one robot to fit.
+        model: platform, known effects and start values.
+        test: other records of the same robot, best of other motions.  Their first part helps to
+            choose between rivals, their last part has the last word.  Without them windows of the
+            logs, or of many logs whole ones, are kept for that.
+        seed: of the bootstrap.
+        progress: called with what is being done.
+
+    Raises:
+        ValueError: a log without drive input, or of another platform.
+    """
+    logs, tests = pooled(as_list(logs)), pooled(as_list(test))
+    tell = progress or (lambda what: None)
+    model = load_model(model)
+    for log in (*logs, *tests):
+        if log.platform != model.platform:
+            model = replace(model, platform=log.platform)
+    name = " + ".join(log.name for log in logs)
+    weak = unfit(logs)
+    if weak:
+        return Diagnosis(name, "cannot_say", weak, (), model, model, experiment=CALIBRATION)
+    model = without_instruments(model)
+    if not inertia_is_seen(logs, model):
+        logs, tests = ([judged_by_force(log) for log in some] for some in (logs, tests))
+    tests = [with_phases_of(logs[0], test) for test in tests]
+    logs = [logs[0], *(with_phases_of(logs[0], log) for log in logs[1:])]
+    tell("finding out how the logs were recorded")
+    records = recordings(logs, tests, model)
+    differs = of_other_robots(logs, tests, records, model)
+    if differs:
+        tests = [test for test in tests if may_judge(test, differs)]
+        records = recordings(logs, tests, model)
+    found, refined = _searched(records, model, len(tests), seed, tell)
+    if found.steps:
+        # An effect that was missing may have hidden that a log to judge by is of another robot.
+        known, there = [r.log for r in records], with_steps(refined.model, found.steps)
+        differs |= disagreements(known[: len(logs)], known[len(logs) :], there)
+        agree = [may_judge(test, differs) for test in tests]
+        if not all(agree):
+            tests = list(compress(tests, agree))
+            records = [*records[: len(logs)], *compress(records[len(logs) :], agree)]
+            found, refined = _searched(records, model, len(tests), seed, tell)
+    if found.steps and found.first.wheels_agree and not all(one.known for one in records):
+        # What was found may tell more of a clock than the usual nuisances did; where that changes
+        # it, what was found rests on a wrong one.  Rolling leaves too much for that.
+        tell("finding out again how the logs were recorded")
+        again = recordings(logs, tests, without_late(with_steps(refined.model, found.steps)))
+        if any(new.moved_from(old) for new, old in zip(again, records, strict=True)):
+            records = again
+            found, refined = _searched(records, model, len(tests), seed, tell)
+    first, now, outside = found.first, found.last, found.outside
+    tell("measuring errors on held-out windows")
+    steps = confirmed(found.fits, refined, found.steps, first.simulations[-1])
+    fits, start = freed(found.fits, records, refined.model, len(tests), model)
+    chain, errors = _with_errors(fits, start, steps)
+    fitting = ""
+    if errors.before <= errors.white and (_real(steps) or outside):
+        # White noise of the sensors alone leaves as much without any of them.  Noise of the drive
+        # that lasts does not count here: an effect that is missing passes for some of it.
+        fitting = ", ".join(step.best.identifier for step in _real(steps)) or "a dependence"
+        fitting = f"; {fitting} fits, but no more than noise was left without it"
+        steps, outside = [step for step in steps if step not in _real(steps)], False
+        chain, errors = _with_errors(fits, start, steps)
+    last = chain[-1][1]
+    steps.sort(key=lambda step: step.background)
+    recording = told(records, fits, last)
+    last = with_unknown_hold(last, recording, records[0].original)
+    forces = confirmations(fits, last, [step.best.identifier for step in steps])
+    verdict, reason = _judge(steps, errors, outside, first, now, forces)
+    across = tuple(repeats(logs))
+    if verdict == "ambiguous":
+        tell("looking for a motion that separates them")
+    return Diagnosis(
+        log=name,
+        verdict=verdict,
+        reason=reason + fitting + _repeated(verdict, across) + not_used(differs),
+        steps=tuple(steps),
+        model=replace(without_instruments(last), name="diagnosed"),
+        base=without_instruments(chain[0][1]),
+        recording=recording,
+        untried=untried(first.model, first.logs),
+        minimum_detectable=minimum_detectable(first),
+        depends_on=tuple(now.dependences()),
+        errors=errors,
+        first=first,
+        last=now,
+        experiment=_next_record(verdict, steps, now),
+        chain=tuple((name, without_instruments(model)) for name, model in chain),
+        models=tuple(fits.models(model) for _, model in chain),
+        repeats=across,
+        forces=forces,
+        differs=differs,
+    )
+
+
+def _searched(
+    records: list[Recording], model: Model, tested: int, seed: int, tell: Callable[[str], None]
+) -> tuple[Search, OutputError]:
+    """Look for what is missing in logs whose recording is known, and the base model for that."""
+    logs = [ready(record, model, SEARCHED) for record in records]
+    parts = divide(logs[: len(logs) - tested], logs[len(logs) - tested :], model)
+    tell("fitting the base model")
+    refined, simulations = refit(parts, model, steps=30)
+    weighed = weigh(parts, simulations)
+    if weighed is not parts:
+        parts = weighed
+        refined, simulations = refit(parts, refined.model)
+    differing = with_differences(parts, simulations)
+    if differing is not simulations[0].model:
+        tell("taking in what differs between the logs")
+        refined, simulations = refit(parts, differing)
+    return search(parts, refined, simulations, dependences(logs), seed, tell), refined
+
+
+def _with_errors(
+    fits: Refits, start: Model, steps: list[Step]
+) -> tuple[list[tuple[str, Model]], FreeRunErrors]:
+    """Models from the base to the last, and their errors on held-out windows."""
+    chain = chain_of(fits, start, steps)
+    last = chain[-1][1]
+    simulation = fits.of(last)[1][-1]
+    simulation = replace(simulation, model=replace(simulation.model, covariance=last.covariance))
+    return chain, free_run_errors(fits, chain, simulation)
+
+
+def _real(steps: list[Step]) -> list[Step]:
+    """Steps that are an effect of the robot that not every robot has."""
+    return [step for step in steps if not (step.background or step.recording)]
+
+
+def _repeated(verdict: str, across: tuple[Repeat, ...]) -> str:
+    """How much of what stays unexplained a law of the motion could explain at all."""
+    if verdict not in ("outside_library", "cannot_say"):
+        return ""
+    return "".join(f"; {one}" for one in across[: SETTINGS.strokes_told])
+
+
+def _next_record(verdict: str, steps: list[Step], last: Round) -> Experiment | None:
+    """What to record next."""
+    if verdict == "cannot_say":
+        return CALIBRATION
+    doubtful = [step for step in steps if len(step.group) > 1]
+    if verdict != "ambiguous" or not doubtful:
+        return None
+    step = doubtful[0]
+    rivals = {c.identifier: c.model for c in (step.best, *step.rivals)[:2]}
+    if any(part.log.drive == "voltage" for part in last.parts):
+        return None
+    return separating(rivals, last.error)
+
+
+def _unexplained(errors: FreeRunErrors, last: Round) -> float:
+    """Squared error beyond rolling, in units of that of noise, where fitted and where not."""
+    fitted = last.excess / last.noise
+    return fitted if errors.by_force else max(fitted, errors.unexplained)
+
+
+def _denied(steps: list[Step], forces: dict[str, list[ForceShare]]) -> str:
+    """What the forces at the measured motion say against named effects, in words."""
+    said = []
+    for step in steps:
+        against = [share for share in forces.get(step.best.identifier, ()) if share.denies]
+        if against:
+            worst = max(against, key=lambda share: abs(share.value - 1.0))
+            said.append(
+                f"the forces at the measured motion show {100 * worst.value:.0f} % of "
+                f"{step.best.identifier}"
+            )
+    return ", ".join(said)
+
+
+def _judge(
+    steps: list[Step],
+    errors: FreeRunErrors,
+    outside: bool,
+    first: Round,
+    last: Round,
+    forces: dict[str, list[ForceShare]],
+) -> tuple[str, str]:
+    """Return verdict and reason."""
+    real = _real(steps)
+    fall = f"{errors.what} {100 * errors.before:.3g} % to {100 * errors.after:.3g} %"
+    signals = ", ".join(signal for signal, _ in last.dependences()) or "no signal that was tried"
+    names = ", ".join(step.best.identifier for step in real)
+    left, clear = errors.left, errors.clear
+    if first.wheels_agree:  # how much rollers leave is not known so well where it was fitted
+        left = max(last.excess / max(first.excess, 1e-300), left)
+        clear = clear or last.excess > last.floor
+    if not errors.bounded:
+        return "cannot_say", (
+            f"the simulation explains nothing of these logs ({fall}): what they hold does not "
+            "determine the model; record a motion on all axes with starts, stops and reversals"
+        )
+    if errors.by_force and (not real or errors.before < FAINT):
+        return "cannot_say", (
+            "these logs hold no acceleration, and viscous friction leaves "
+            f"{100 * errors.before:.2g} % of the drive's force, in which no effect shows: whatever "
+            "resists at the speeds driven looks like it; record several speeds and directions, "
+            "better `youbot record --motion calibration`"
+        )
+    if outside:
+        return "outside_library", (
+            f"the {errors.what}, {100 * errors.after:.3g} % beside {errors.excuse}, depends on "
+            f"{signals}, as no effect explains"
+        )
+    told = bool(last.dependences())
+    if not real and _unexplained(errors, last) > UNEXPLAINED:
+        far = (
+            f"the {errors.what}, {100 * errors.after:.3g} %, is far above the "
+            f"{errors.excuse}, and no effect lowers it"
+        )
+        if told:
+            return "outside_library", f"{far}; it depends on {signals}"
+        if errors.rolling and not first.wheels_agree:
+            return "cannot_say", (
+                f"{far}; the wheels contradict each other, as other radii than assumed, slip and "
+                "worn rollers make them; with a pose beside the wheels calibrate_kinematics.py "
+                "tells which"
+            )
+        # Noise of the drive that all wheels share does not go with the motion; something that
+        # swings by itself need not either.
+        like = (
+            "it is alike at all times, as noise of the drive or something that swings is"
+            if last.steady
+            else "it goes with the motion"
+        )
+        return "cannot_say", (
+            f"{far}; it depends on no signal that was tried, and {like}; record the same motion "
+            "twice, which shows what repeats"
+        )
+    if not real:
+        background = "".join(
+            f"; {s.best.identifier} is there, as on real rollers" for s in steps if s.background
+        ) + "".join(f"; {s.best.identifier}, of the recording, is there" for s in steps
+                    if s.recording)  # fmt: skip
+        return "nothing_missing", (
+            f"no effect removes {100 * SETTINGS.least_gain:.0f} % of the squared error where it "
+            f"was not fitted; the {errors.what} is {100 * errors.after:.3g} %, beside "
+            f"{errors.excuse}{background}"
+        )
+    if errors.remaining[-1] >= 1.0 or errors.after >= errors.before:
+        return "cannot_say", (
+            f"{names} fit, but not what was kept for the end ({fall}); record another motion"
+        )
+    if errors.drop_ci95[0] <= 0.0:
+        low, high = (100 * share for share in errors.drop_ci95)
+        return "cannot_say", (
+            f"{names} fit, but the {fall} on what was kept for the end is no certain gain "
+            f"({round(low)} to {round(high)} % of it); record a motion on all axes with starts, "
+            "stops and reversals"
+        )
+    if left > SETTINGS.remainder and clear:
+        return "outside_library", (
+            f"{names} fit best, but leave {100 * left:.0f} % of what noise cannot explain "
+            f"({fall}, beside {errors.excuse}); it depends on {signals}"
+        )
+    denied = _denied(real, forces)
+    if denied and errors.beyond_noise > SETTINGS.worth_telling:
+        return "outside_library", (
+            f"{names} fit best, but {denied}, and {100 * errors.beyond_noise:.0f} % of the squared "
+            f"error beyond noise is left ({fall}, beside {errors.excuse}): something else acts, "
+            f"which depends on {signals}"
+        )
+    for step in real:
+        for rival in get_effect(step.best.identifier).confusables:
+            why = next(filter(None, (behind_gap(get_effect(rival), log) for log in last.logs)), "")
+            if why:
+                return "cannot_say", (
+                    f"{names} fits, but {rival}, which looks alike, could not be tried: {why} "
+                    f"({fall})"
+                )
+    rest = f", beside {errors.excuse}"
+    if denied:
+        rest += f"; {denied}: its law is not quite that"
+    if clear and left > SETTINGS.worth_telling:
+        rest += f"; {100 * left:.0f} % of what noise cannot explain is left"
+        rest += f" and depends on {signals}" if told else ""
+    doubtful = [step for step in real if len(step.group) > 1]
+    if doubtful:
+        return (
+            "ambiguous",
+            f"{', '.join(doubtful[0].group)} explain the log alike; {fall}{rest}",
+        )
+    return "named", f"{names}; {fall}{rest}"
