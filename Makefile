@@ -1,5 +1,6 @@
 # make run   install what identification needs, identify the bundled log into report/
 # make test  install everything, lint, run the suite; make test-long the few tests that take longest
+# make docs  build the documentation site into build/site/index.html
 # make fuzz  spoil good files in N ways (20 000 if left) and see that every reader copes
 PYTHON ?= python3
 VENV := .venv
@@ -10,7 +11,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: run test test-long fuzz lint clean
+.PHONY: run test test-long fuzz lint docs clean
 
 run: $(VENV)/.base
 	$(BIN)/youbot identify --out report/identified.yaml --report report
@@ -29,6 +30,14 @@ fuzz: $(VENV)/.all
 lint: $(VENV)/.all
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/codespell
+	$(BIN)/ty check
+
+# The pages first, so that what builds the site finds nothing but Markdown; a warning is an error.
+docs: $(VENV)/.docs
+	$(BIN)/python docs/site_pages.py build/pages
+	$(BIN)/zensical build --config-file mkdocs.yml --strict --clean
+	@echo "build/site/index.html; with search: python -m http.server --directory build/site"
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -46,5 +55,9 @@ $(VENV)/.all: pyproject.toml constraints.txt | $(BIN)/python
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[rollers,bags,rl,dev]"
 	@touch $@ $(VENV)/.base
 
+$(VENV)/.docs: pyproject.toml constraints.txt | $(BIN)/python
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[rollers,docs]"
+	@touch $@ $(VENV)/.base
+
 clean:
-	rm -rf $(VENV) report
+	rm -rf $(VENV) report build

@@ -66,6 +66,7 @@ class Adaptive(ComputedTorque):
 
     name = "adaptive"
     Settings = Settings
+    settings: Settings
 
     def __init__(self, model: Model, settings: Settings):
         self._regressions: dict[tuple, Columns] = {}

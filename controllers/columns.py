@@ -22,9 +22,9 @@ class Columns:
         self._outputs = [np.zeros(function.nnz_out(i)) for i in range(function.n_out())]
         self._buffer, self._call = function.buffer()
         for index, array in enumerate(self._inputs):
-            self._buffer.set_arg(index, memoryview(array))
+            self._buffer.set_arg(index, memoryview(array))  # ty: ignore[invalid-argument-type]
         for index, array in enumerate(self._outputs):
-            self._buffer.set_res(index, memoryview(array))
+            self._buffer.set_res(index, memoryview(array))  # ty: ignore[invalid-argument-type]
 
     def one(self, *inputs: np.ndarray) -> list[np.ndarray]:
         """Evaluate for one robot; the results are overwritten by the next call."""

@@ -43,6 +43,7 @@ class ComputedTorque(LawController):
 
     name = "computed_torque"
     Settings = Settings
+    settings: Settings
 
     def command(self, tracking: Tracking, robot: BoundModel, extra: list) -> tuple:
         """See the base class."""

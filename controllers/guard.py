@@ -140,7 +140,7 @@ class Guard:
         # Wheel-speed loops follow commands that say nothing of torques.
         watched = settings.gate and task.action_level == "torque"
         self._frozen = Frozen(model, task) if watched else None
-        self._behind = 1 + self._actions + (self._frozen.size if watched else 0)
+        self._behind = 1 + self._actions + (self._frozen.size if self._frozen else 0)
         self.size = self._behind + self._gate.size
         longest = max(round(LONGEST_HOLD / task.dt), 1)
         self._hold = longest if settings.on_invalid == "hold" else 0

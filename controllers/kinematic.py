@@ -41,6 +41,7 @@ class Kinematic(base.Controller):
     action_level = "velocity"
     uses_model = False
     Settings = Settings
+    settings: Settings
 
     def act(self, seen: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See the base class."""

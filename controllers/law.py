@@ -89,6 +89,8 @@ class LawController(Controller):
         law: ``F(seen, yaw, memory, values, weights, *extra) -> (action, memory)``.
     """
 
+    settings: LawSettings
+
     def __init__(self, model: Model, settings: Settings):
         self._laws: dict[tuple, Columns] = {}
         super().__init__(model, settings)
@@ -145,7 +147,9 @@ class LawController(Controller):
     def evaluate(self, seen, memory, values, *extra) -> tuple[np.ndarray, np.ndarray]:
         """Call the law; every input has one row a robot, or one row that all share."""
         yaw = np.arctan2(seen[:, 7:8], seen[:, 6:7])
-        return tuple(self._columns.many(seen, yaw, memory, values, self._weights[None], *extra))
+        many = self._columns.many(seen, yaw, memory, values, self._weights[None], *extra)
+        action, memory = many
+        return action, memory
 
     def _middle(self, model: Model) -> np.ndarray:
         """Preview weights of twist and twist rate in the middle of the period to come."""

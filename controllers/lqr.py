@@ -60,6 +60,7 @@ class LQR(LawController):
 
     name = "lqr"
     Settings = Settings
+    settings: Settings
 
     def set_model(self, model: Model) -> None:
         """See the base class; computes the gains anew."""

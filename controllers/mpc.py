@@ -119,6 +119,7 @@ class MPC(ComputedTorque):
 
     name = "mpc"
     Settings = Settings
+    settings: Settings
 
     def __init__(self, model: Model, settings: Settings):
         self.solves: deque[Solve] = deque(maxlen=REMEMBERED)
@@ -151,7 +152,8 @@ class MPC(ComputedTorque):
     def act(self, seen: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See the base class; robots are solved for one after the other."""
         rows = [self._decide(*row) for row in zip(seen, memory, strict=True)]
-        return tuple(np.array(part) for part in zip(*rows, strict=True))
+        actions, memories = (np.array(part) for part in zip(*rows, strict=True))
+        return actions, memories
 
     def command(self, tracking: Tracking, robot: BoundModel, extra: list) -> tuple:
         """Commands of computed torque, then those the model needs on the reference itself."""
@@ -184,7 +186,7 @@ class MPC(ComputedTorque):
         du = memory[self._du].reshape(task.preview, -1)
         step = task.preview_stride * task.dt
         solution = self.solver.solve(
-            Request(state, wanted, twists, delayed, t, step, self._values, self._cost, plan, du)
+            Request(state, wanted, twists, delayed, t, step, self._values, self._cost, plan, du)  # ty: ignore[invalid-argument-type]
         )
         usable = self._record(solution, time.perf_counter() - began)
         command = u_ff + solution.du[0] if usable else safe

@@ -148,7 +148,7 @@ class Policy:
         layers = zip(self.weights, self.biases, strict=True)
         arrays = {f"{name}_{k}": a for k, pair in enumerate(layers)
                   for name, a in zip(("weight", "bias"), pair, strict=True)}  # fmt: skip
-        np.savez(stream, **arrays)
+        np.savez(stream, **arrays)  # ty: ignore[invalid-argument-type]
         data = {
             "kind": KIND,
             "algorithm": self.algorithm,
@@ -261,7 +261,7 @@ def _read_weights(path: Path, data: dict) -> tuple[tuple, tuple]:
     # its parsers of Python do.
     except Exception as error:
         raise PolicyFileError(f"{weights} holds no network: {error}") from error
-    return parts
+    return parts[0], parts[1]
 
 
 def _read(path: Path) -> bytes:

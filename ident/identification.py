@@ -256,7 +256,7 @@ class _Linear:
 
 
 def _linear(
-    records: Sequence[Recording],
+    records: list[Recording],
     prior: Model,
     name: str,
     corner: float,
@@ -294,14 +294,14 @@ def _linear(
                    hausman)  # fmt: skip
 
 
-def _refined(records: Sequence[Recording], model: Model, intervals: bool = True) -> OutputError:
+def _refined(records: list[Recording], model: Model, intervals: bool = True) -> OutputError:
     """Refine by free run from a linear estimate, which is what is known where logs say less."""
     free, start, ends = with_free_clocks(records, model)
     return refine(free, start, ends=ends, prior=model, intervals=intervals)
 
 
 def _choice(
-    records: Sequence[Recording],
+    records: list[Recording],
     prior: Model,
     linear: str,
     corner: float,

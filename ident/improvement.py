@@ -170,7 +170,8 @@ def _kept(found: Diagnosis) -> bool:
     So it does where something else is missing as well, if the error certainly falls: such a model
     foretells the robot better, whatever the right name of what it lacks.
     """
-    certain = found.errors.drop_ci95[0] > 0.0 and found.errors.after < found.errors.before
+    e = found.errors
+    certain = e is not None and e.drop_ci95[0] > 0.0 and e.after < e.before
     return found.verdict in KEPT or (found.verdict == "outside_library" and certain)
 
 
@@ -229,8 +230,7 @@ def _no_better(parts: list[Part], model: Model, prior: Model) -> np.ndarray:
 def _shifts(
     before: dict[str, Quantity] | None, now: dict[str, Quantity]
 ) -> dict[str, float | None]:
-    known = before is not None
     return {
-        name: (q.value - before[name].value) / q.se if known and q.se else None
+        name: (q.value - before[name].value) / q.se if before is not None and q.se else None
         for name, q in now.items()
     }

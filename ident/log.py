@@ -16,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -141,7 +142,7 @@ class Log:
 
     def __post_init__(self) -> None:
         count, wheels = len(self.time), len(self.platform.wheels)
-        shapes = dict.fromkeys(CHANNELS, (count, 3))
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(CHANNELS, (count, 3))
         shapes |= dict.fromkeys([c for c in CHANNELS if c.startswith("wheel")], (count, wheels))
         shapes |= {"battery_voltage": (count,), "time": (count,)}
         for channel, shape in shapes.items():
@@ -162,7 +163,7 @@ class Log:
     @classmethod
     def load(
         cls,
-        path: str | Path,
+        path: str | os.PathLike,
         platform: Platform | GivenPlatform | str | None = None,
         mapping: dict[str, str] | None = None,
         kt: float | None = None,
@@ -224,7 +225,7 @@ class Log:
         except ValueError as error:
             remedy = "see the sensor effects in docs/effects.md"
             raise LogError(path.name, [Finding("error", str(error), "header", remedy)]) from error
-        values = {channel: record.get(channel) for channel in FILED}
+        values: dict[str, Any] = {channel: record.get(channel) for channel in FILED}
         if values["battery_voltage"] is not None:
             values["battery_voltage"] = values["battery_voltage"][:, 0]
         if values["pose"] is not None:
@@ -278,7 +279,9 @@ class Log:
     @property
     def command(self) -> np.ndarray:
         """(N, n) drive input: torques, N m, or voltages, V."""
-        return self.wheel_torque if self.drive == "torque" else self.wheel_voltage
+        command = self.wheel_torque if self.drive == "torque" else self.wheel_voltage
+        assert command is not None  # drive says so
+        return command
 
     def velocity(self) -> np.ndarray:
         """(N, 3) body velocities, m/s, m/s, rad/s.
@@ -345,7 +348,9 @@ class Log:
 
     def _rows(self, rows: slice, name: str) -> Log:
         values = {channel: getattr(self, channel) for channel in ("time", *CHANNELS)}
-        cut = {channel: None if v is None else v[rows] for channel, v in values.items()}
+        cut: dict[str, Any] = {
+            channel: None if v is None else v[rows] for channel, v in values.items()
+        }
         # Found by halving: pieces of many runs would else take the square of their number.
         first = bisect_right(self.starts, rows.start)
         inside = self.starts[first : bisect_left(self.starts, rows.stop)]

@@ -56,7 +56,7 @@ Seed = Annotated[
 # A terminal that cannot show a character shows another in its place.
 for stream in (sys.stdout, sys.stderr):
     if hasattr(stream, "reconfigure"):
-        stream.reconfigure(errors="replace")
+        stream.reconfigure(errors="replace")  # ty: ignore[not-callable]
 out = Console(highlight=False, markup=False, emoji=False)
 err = Console(stderr=True, highlight=False, markup=False, emoji=False)
 

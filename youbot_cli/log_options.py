@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -168,11 +168,12 @@ def reads_logs(command: Callable[..., None]) -> Callable[..., None]:
             for field in fields(LogOptions)
         ]  # fmt: skip
 
-    def expanded(**arguments) -> None:
+    def wide(**arguments) -> None:
         chosen = {field.name: arguments.pop(field.name) for field in fields(LogOptions)}
         command(**arguments, options=LogOptions(**chosen))
 
-    expanded.__name__, expanded.__doc__ = command.__name__, command.__doc__
+    expanded: Any = wide
+    expanded.__name__, expanded.__doc__ = command.__name__, command.__doc__  # ty: ignore[missing-attribute]
     expanded.__signature__ = signature.replace(parameters=parameters)
     expanded.__annotations__ = {p.name: p.annotation for p in parameters}
     return expanded

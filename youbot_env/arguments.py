@@ -28,7 +28,7 @@ def check_number(name: str, value: object, low: float, high: float = math.inf) -
         raise ValueError(f"{name} = {value!r}; give a number {span}")
 
 
-def check_names(name: str, value: object, wanted: str) -> Mapping[str, Any]:
+def check_names(name: str, value: Any, wanted: str) -> Mapping[str, Any]:
     """Return a mapping whose keys are names.
 
     Raises:

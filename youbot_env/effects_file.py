@@ -28,6 +28,8 @@ def load_effects_file(path: str | os.PathLike) -> tuple[str, ...]:
         )
     name = f"effects_of_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None  # of a file that is there and ends in .py
+    assert spec.loader is not None
     module = sys.modules[name] = importlib.util.module_from_spec(spec)
     found: list[str] = []
     try:

@@ -97,7 +97,8 @@ def model_from_dict(data: object, default_name: str = "model") -> Model:
     parameters = Parameters.from_mapping(values)
     for entry in schema.PARAMETERS.entries:
         # What is too small is told together, as of a robot that cannot be.
-        entry.check(max(getattr(parameters, entry.name), entry.low), "parameters: ")
+        lowest = -math.inf if entry.low is None else entry.low
+        entry.check(max(getattr(parameters, entry.name), lowest), "parameters: ")
     model = Model(
         platform,
         parameters,

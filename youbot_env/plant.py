@@ -186,16 +186,16 @@ class BoundModel:
         Returns:
             ``(torques on the shafts, states of all effects after h)``.
         """
-        torque, internal = s.command, list(internal)
+        torque, states = s.command, list(internal)
         for index, effect, p in self._hooks["drive"]:
-            s.state = internal[index]
-            s.state = internal[index] = effect.evolve(p, torque, s, h, ops)
+            s.state = states[index]
+            s.state = states[index] = effect.evolve(p, torque, s, h, ops)
             torque = effect.drive(p, torque, s, ops)
         for index, effect, p in self.effects:
-            if internal[index] and not effect.acts("drive"):
-                s.state = internal[index]
-                internal[index] = effect.evolve(p, torque, s, h, ops)
-        return torque, tuple(internal)
+            if states[index] and not effect.acts("drive"):
+                s.state = states[index]
+                states[index] = effect.evolve(p, torque, s, h, ops)
+        return torque, tuple(states)
 
     def wrench(self, torque: tuple, s: Signals, internal: tuple, ops: Ops) -> tuple:
         """Generalized forces on the body: shaft torques, rollers and floor together."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -125,9 +126,9 @@ def _mecanum(name: str, entries: dict[str, object]) -> Platform:
         raise ModelFileError(str(error)) from error
 
 
-def _positive(value: object, name: str) -> float:
+def _positive(value: Any, name: str) -> float:
     try:
-        number = float(value)  # type: ignore[arg-type]
+        number = float(value)
     except (TypeError, ValueError):
         number = math.nan
     if not (math.isfinite(number) and number > 0):

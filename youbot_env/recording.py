@@ -12,7 +12,7 @@ import math
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
@@ -86,26 +86,27 @@ class RecordLog(gym.Wrapper):
         super().__init__(env)
         if not hasattr(env.unwrapped, "measurement"):
             raise ValueError(f"{env} has no measurements to record; use a youBot environment")
+        self._robot: Any = env.unwrapped
         self._recording: Recording | None = None
 
     def reset(self, **arguments):
         """Start a new episode and a new recording."""
-        self._recording = Recording(self.env.unwrapped.task.platform)
+        self._recording = Recording(self._robot.task.platform)
         return self.env.reset(**arguments)
 
     def step(self, action):
         """Step, and record what was measured before with the torque given then."""
         if self._recording is None:
             raise gym.error.ResetNeeded("call reset() before step()")
-        row = self.env.unwrapped.measurement()
+        row = self._robot.measurement()
         result = self.env.step(action)
-        row["wheel_torque"] = self.env.unwrapped.measurement()["wheel_torque"]
+        row["wheel_torque"] = self._robot.measurement()["wheel_torque"]
         self._recording.rows.append(row)
         return result
 
     def table(self, sensors: Sensors | None = None, seed: int | None = None) -> dict:
         """Columns of the log so far, see ``Recording.table``."""
-        return (self._recording or Recording(self.env.unwrapped.task.platform)).table(sensors, seed)
+        return (self._recording or Recording(self._robot.task.platform)).table(sensors, seed)
 
     def save(
         self, path: str | os.PathLike, sensors: Sensors | None = None, seed: int | None = None

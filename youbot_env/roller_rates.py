@@ -40,4 +40,5 @@ def rate_moments(platform: Platform, edge: float) -> tuple[float, float]:
     """
     phase = np.linspace(-edge, edge, LOOKS)
     ratio, lasts = rate_ratio(platform, phase, NUMPY), np.cos(phase)
-    return tuple(float(np.average(power, weights=lasts)) for power in (ratio, ratio**2))
+    mean, square = (float(np.average(power, weights=lasts)) for power in (ratio, ratio**2))
+    return mean, square

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from youbot_env import dynamics
 from youbot_env.backend import Ops
@@ -29,15 +30,17 @@ def rk4_step(robot: BoundModel, state: State, command: tuple, h, t, ops: Ops) ->
     start = tuple([ops.coarse(q) for q in begin])
     # Where nobody reads position or wheel angles their values between start and end are not needed.
     moving = (robot.reads_pose,) * 2 + (True,) * 4 + (robot.reads_wheel_angle,) * size
-    fixed = robot.geometry.wrench(command) if robot.simple else None
-    origin = None
+    # Each is there where it is used: inertia and wrench of a simple robot, the origin of others.
+    inertia: Any = robot.inertia
+    fixed: Any = robot.geometry.wrench(command) if robot.simple else None
+    origin: Any = None
     if not robot.simple:
         origin = robot.signals(t, start[3:6], start[:3], start[6:], command, ops)
 
-    def rates(flat: tuple, elapsed) -> tuple[tuple, tuple]:
+    def rates(flat: Any, elapsed) -> tuple[tuple, tuple]:
         v = flat[3:6]
         if robot.simple:
-            change = dynamics.acceleration(robot.inertia, v, fixed)
+            change = dynamics.acceleration(inertia, v, fixed)
             speeds = robot.geometry.wheel_velocity(v) if size else ()
             return (*pose_rate(v, flat[2], ops), *change, *speeds), state.internal
         torque, internal = robot.deliver(origin, state.internal, elapsed, ops)

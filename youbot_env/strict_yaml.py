@@ -11,6 +11,8 @@ import re
 from pathlib import Path
 
 import yaml
+from yaml.composer import ComposerError
+from yaml.constructor import ConstructorError
 
 # Values of a file with its aliases written out; models/identified.yaml has 200.  Nine lines of
 # aliases of aliases make 10^9, which no message can quote.
@@ -34,7 +36,7 @@ class _Loader(yaml.SafeLoader):
             self._sizes[id(node)] = 1 + sum(self._sizes[id(part)] for part in parts)
         # An alias of what is not finished yet is one of a whole that it is part of.
         if self._sizes.get(id(node), math.inf) > MOST_VALUES:
-            raise yaml.composer.ComposerError(
+            raise ComposerError(
                 None, None, f"more than {MOST_VALUES} values, or an alias of itself; write it out",
                 node.start_mark,
             )  # fmt: skip
@@ -44,7 +46,7 @@ class _Loader(yaml.SafeLoader):
         seen = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode) and key.value in seen:
-                raise yaml.constructor.ConstructorError(
+                raise ConstructorError(
                     None, None, f"{key.value!r} stands twice; remove one", key.start_mark
                 )
             seen.add(key.value if isinstance(key, yaml.ScalarNode) else id(key))
@@ -57,9 +59,7 @@ class _Loader(yaml.SafeLoader):
             float(value)
         except (OverflowError, ValueError) as error:
             what = f"{node.value[:12]}... with {len(node.value)} digits is no number to use"
-            raise yaml.constructor.ConstructorError(
-                None, None, f"{what}; correct it", node.start_mark
-            ) from error
+            raise ConstructorError(None, None, f"{what}; correct it", node.start_mark) from error
         return value
 
 

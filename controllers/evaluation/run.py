@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -144,13 +145,14 @@ def drive(
     """
     options = {"offset": (0.0, 0.0, 0.0), "follow": True, "reference": motion.reference}
     seen, info = env.reset(seed=seed, options=options)
+    robot: Any = env.unwrapped
     dt = controller.settings.dt
     first, last = (round(t / dt) for t in (SETTLE, SETTLE + motion.seconds))
     errors, torques, seconds, state, lost = [], [], [], None, False
     for step in range(last):
         began = time.thread_time()
         action, state = controller.predict(
-            seen, state, np.array([step == 0]), wheel_angle=env.unwrapped.wheel_angle
+            seen, state, np.array([step == 0]), wheel_angle=robot.wheel_angle
         )
         took = time.thread_time() - began
         seen, _, lost, _, info = env.step(action)

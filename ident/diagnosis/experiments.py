@@ -96,7 +96,7 @@ def separating(models: dict[str, Model], error: float) -> Experiment | None:
     if odds[order[0]] < 2.0:
         return None
     best = order[0]
-    purpose = menu()[best].purpose
+    purpose = menu()[best].purpose  # ty: ignore[missing-attribute]
     others = tuple((name, odds[name]) for name in order[1:])
     return Experiment(
         best, purpose, SETTINGS.experiment_seconds / 60.0, tuple(models), odds[best], others

@@ -187,7 +187,8 @@ def explained(signal: np.ndarray, regressors: np.ndarray, about: float | None = 
     """(n,) fraction of the variance of each column that the regressors explain.
 
     Args:
-        signal: (K, n); regressors: (K, r).
+        signal: (K, n).
+        regressors: (K, r).
         about: part of the means that is taken out; none of a steady motion, else all, if left.
     """
     width = regressors.shape[1]

@@ -270,7 +270,9 @@ def _solve(A: np.ndarray, wanted: np.ndarray, cluster: np.ndarray):
     """Least squares with a covariance from clusters of windows.
 
     Args:
-        A: (W, 3, p); wanted: (W, 3); cluster: (W,) number of the cluster of each window.
+        A: (W, 3, p).
+        wanted: (W, 3).
+        cluster: (W,) number of the cluster of each window.
 
     Returns:
         (p,) values and (p, p) covariance; infinite variance where the columns do not tell.

@@ -146,7 +146,7 @@ class KinematicCalibration(Shown):
         return replace(model, platform=self.platform(), effects=kept).with_effects(added)
 
     def _ripple(self) -> dict[str, dict[str, float]]:
-        return {RIPPLE: {"size": self.ripple.size}} if self.finite_rollers else {}
+        return {RIPPLE: {"size": self.ripple.size}} if self.finite_rollers and self.ripple else {}
 
     def as_dict(self) -> dict[str, Any]:
         """Return what ``calibrate_kinematics.py --json`` writes."""
@@ -219,7 +219,7 @@ def calibrate_kinematics(
     values = estimate.values[: len(platform.wheels) + 2]
     # Without ripple nothing is asked of the rollers, which may be too thin for six.
     odometry, slope = estimate.rolling.odometry, estimate.rolling.odometry_slope
-    if finite:
+    if finite and ripple:
         odometry, slope = mean_odometry(platform, values, ripple.size)
     gains = gain_table(estimate, platform, odometry, slope)
     measured = np.array([gains[axis].value for axis in GAINS])

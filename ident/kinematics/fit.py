@@ -258,7 +258,8 @@ def leave_one_out(information: np.ndarray, score: np.ndarray) -> np.ndarray:
     """(G, r) shifts of an estimate when one cluster is left out, sized for a covariance.
 
     Args:
-        information: (G, r, r) of each cluster; score: (G, r) at the estimate.
+        information: (G, r, r) of each cluster.
+        score: (G, r) at the estimate.
 
     Returns:
         Rows whose products sum to the covariance of the estimate.

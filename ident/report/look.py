@@ -92,7 +92,7 @@ def figure(height: float | Callable[..., float], width: float = WIDTH) -> Callab
                 draw(canvas, *args)
             return canvas
 
-        drawn.on_canvas = on_canvas
+        drawn.on_canvas = on_canvas  # ty: ignore[missing-attribute]
         return drawn
 
     return decorate

@@ -164,7 +164,7 @@ class TrackingEnv(gym.Env):
             if at == 0 and self._steps:
                 self._noise = noise_block(self._noise_scale, self.np_random)
             self._observation.noise[:] = self._noise[at]
-        return self._observation(self._motion(), t)
+        return self._observation(self._motion(), t)  # ty: ignore[not-callable]
 
     def _loop_torque(self, action: tuple) -> tuple:
         task, geometry = self.task, self.task.platform.geometry

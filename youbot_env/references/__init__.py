@@ -101,4 +101,4 @@ def make_reference(reference: str | os.PathLike | Reference, **options) -> Refer
             f"unknown reference {reference!r}; known: {sorted(REFERENCES)}, the shipped motions "
             f"{MOTIONS.names()}, or a motion file ending in .yaml"
         )
-    return REFERENCES[reference](**options)
+    return REFERENCES[str(reference)](**options)

@@ -143,6 +143,7 @@ class Sequence(Reference):
             moved = _displace(local, x, y, turn, ops)
             chosen = moved if chosen is None else _where(t >= start, moved, chosen, ops)
             at, start = at + 3 + size, start + length
+        assert chosen is not None  # there is a part
         return chosen
 
 

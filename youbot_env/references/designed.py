@@ -61,7 +61,8 @@ class Fourier(Harmonic):
     @property
     def harmonics(self) -> tuple[int, int, int]:
         """Number of sines on each axis."""
-        return (len(self.amplitudes[0]),) * 3
+        count = len(self.amplitudes[0])
+        return count, count, count
 
     @property
     def period(self) -> float:
@@ -124,7 +125,7 @@ def motion_text(motion: Fourier) -> str:
     ]
     head = {
         "kind": KIND, "purpose": motion.purpose, "frequency": float(motion.frequency),
-        "speed": float(motion.speed),
+        "speed": float(motion.speed),  # ty: ignore[invalid-argument-type]
     }  # fmt: skip
     lines.append(yaml.safe_dump(head, sort_keys=False).rstrip())
     for axis, amplitudes, phases in zip(AXES, motion.amplitudes, motion.phases, strict=True):
@@ -166,18 +167,16 @@ def _from_dict(data: object) -> Fourier:
     )
 
 
-def _pairs(axis: str, entries: object) -> np.ndarray:
+def _pairs(axis: str, entries: Any) -> np.ndarray:
     """Amplitudes and phases (N, 2) of one axis."""
     for number, entry in enumerate(entries if isinstance(entries, list) else [entries], 1):
-        numbers = isinstance(entry, list) and [
-            value for value in entry if isinstance(value, int | float) and math.isfinite(value)
-        ]
-        if not isinstance(entry, list) or len(numbers) != 2 or len(entry) != 2:
+        whole = isinstance(entry, list) and len(entry) == 2
+        if not whole or not all(isinstance(v, int | float) and math.isfinite(v) for v in entry):
             raise ValueError(
                 f"{axis}: line {number} holds {entry!r}; give a pair [amplitude, phase] of finite "
                 "numbers"
             )
-        for part, value in zip(SINE.entries, numbers, strict=True):
+        for part, value in zip(SINE.entries, entry, strict=True):
             part.check(value, f"{axis}, line {number}: ")
     if len(entries) > MOST_SINES:
         raise ValueError(f"{axis}: {len(entries)} sines; give at most {MOST_SINES}")
