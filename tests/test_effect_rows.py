@@ -141,7 +141,7 @@ STRIBECK = [
 RIPPLE = [a * cos(5 * q) + 0.7 * sin(5 * q) for a, q in zip(EACH, ANGLE, strict=True)]
 LIMITED = (1.2, -1.2, 1.0, 0.5)
 
-# A carpet's nap keeps its direction smooth at rest; rates of finite rollers hold a mean over a grid.
+# A carpet keeps its direction smooth at rest; rates of finite rollers hold a mean over a grid.
 ROUNDED = {"carpet": 1e-5, "roller_ripple": 3e-4}
 
 # (effect, its parameters, hook, what the hook must return)
