@@ -363,3 +363,18 @@ def test_no_effect_is_without_its_row():
     single |= {"drive_offset", "drive_filter", "drive_hold"}
     done = {name for name, *_ in ROWS + READINGS} | single
     assert set(effect_names()) <= done
+
+
+def test_on_real_rollers_a_delay_between_two_steps_is_shared_out_between_them():
+    """2.3 ms late in steps of 1 ms: 0.7 of the command 2 steps ago, 0.3 of the one before."""
+    pytest.importorskip("mujoco")
+    from youbot_env.model_file import load_model
+    from youbot_env.rollers import RollersPlant
+
+    model = load_model("paper").with_effects({"actuator_delay": 0.0023})
+    plant, arrived = RollersPlant(model, dt=0.001, timestep=0.001), []
+    plant.reset()
+    for k in range(1, 6):
+        plant.step(np.full(4, 0.1 * k))
+        arrived.append(plant.delivered_torque[0])
+    np.testing.assert_allclose(arrived, (0.0, 0.0, 0.07, 0.17, 0.27), atol=1e-12)
