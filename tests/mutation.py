@@ -17,7 +17,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import textwrap
 from collections import Counter
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -129,19 +131,27 @@ def function_of(name: str) -> str:
     return name.rpartition("__mutmut_")[0]
 
 
-def texts(name: str) -> tuple[str, str]:
-    """A function as it should be and with the fault."""
-    module, _, function = function_of(name).rpartition(".")
+@cache
+def functions_of(module: str) -> dict[str, str]:
+    """Texts of all functions of a module, right ones and faulty ones, less their own names."""
     path = WORK / module.replace(".", "/")
     path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
     text = path.read_text()
-    wanted = f"{function}__mutmut_orig", name.rpartition(".")[2]
-    found = {
-        node.name: ast.get_source_segment(text, node).replace(node.name, "")
+    lines = text.splitlines()
+    return {
+        node.name: textwrap.dedent(
+            "\n".join(lines[node.lineno - 1 : node.end_lineno]).replace(node.name, "function")
+        )
         for node in ast.walk(ast.parse(text))
-        if isinstance(node, ast.FunctionDef) and node.name in wanted
+        if isinstance(node, ast.FunctionDef) and "__mutmut_" in node.name
     }
-    return found[wanted[0]], found[wanted[1]]
+
+
+def texts(name: str) -> tuple[str, str]:
+    """A function as it should be and with the fault."""
+    module, _, fault = name.rpartition(".")
+    found = functions_of(module)
+    return found[f"{function_of(fault)}__mutmut_orig"], found[fault]
 
 
 def telling(name: str) -> bool:

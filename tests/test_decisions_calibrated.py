@@ -126,6 +126,52 @@ def test_windows_for_choosing_speak_before_the_fitted_ones():
     assert got == [3]
 
 
+def test_a_law_at_its_bound_may_stand_for_the_simpler_one():
+    """Presliding over no turn at all is plain dry friction, which then comes first."""
+    rng = np.random.default_rng(10)
+    loss = 0.5 * rng.chisquare(8, 20) / 8
+    bend = get_effect("presliding_friction").parameter_of("bend").bounds[0]
+    special, plain, other = (
+        refined(name, values, count, loss + more)
+        for name, values, count, more in (
+            ("presliding_friction", {"fc": 0.2, "bend": bend}, 2, 0.0),
+            ("wheel_coulomb_friction", {"fc": 0.2}, 1, 0.2),
+            ("quadratic_drag", {"c": 60.0}, 1, 0.3),
+        )
+    )
+    before, role = np.ones(20), np.full(20, FIT)
+
+    def group(*found):
+        losses = [one.loss for one in found]
+        return [c.identifier for c in ranked(list(found), losses, role, before, np.arange(20))]
+
+    assert group(special, plain, other) == ["wheel_coulomb_friction", "presliding_friction"]
+    inside = refined("presliding_friction", {"fc": 0.2, "bend": 0.05}, 2, loss)
+    assert group(inside, plain, other) == ["presliding_friction"]
+
+
+def test_laws_that_make_the_drive_late_are_hard_to_tell_apart():
+    """Each smooths the noise of the drive in its own way, up to 30 % of what it explains."""
+    names = {
+        "actuator_delay": {"d": 0.02},
+        "actuator_lag": {"T": 0.02},
+        "quadratic_drag": {"c": 60},
+    }
+    loss = np.full(20, 0.5) + 1e-3 * np.random.default_rng(11).standard_normal(20)
+    found = [
+        refined(name, values, 1, loss + more)
+        for (name, values), more in zip(names.items(), (0.0, 0.1, 0.1), strict=True)
+    ]
+
+    def group(more=0.0):
+        losses = [found[0].loss, found[1].loss + more, found[2].loss]
+        kept = ranked(found, losses, np.full(20, FIT), np.ones(20), np.arange(20))
+        return {c.identifier for c in kept}
+
+    assert group() == {"actuator_delay", "actuator_lag"}
+    assert group(more=0.1) == {"actuator_delay"}  # more than 0.3 of what is explained, 0.5
+
+
 def judged(explained, gain, error=1.0, origin=1.0, agree=True, time=False):
     trial = SimpleNamespace(effect=SimpleNamespace(needs_time=time, background=False))
     evidence = SimpleNamespace(trials=(trial,), explained=lambda k: explained, gain=lambda k: gain)

@@ -162,6 +162,7 @@ ROWS = [
     ("rolling_resistance", 0.02, "shaft",
      [-0.02 * R * n * s for n, s in zip(LOADS, SIGN, strict=True)]),
     ("torque_ripple", {**each("a"), "b": 0.7, "k": 5}, "shaft", RIPPLE),
+    ("torque_ripple", {"a": 0.0, "b": 0.7, "k": 5}, "shaft", [0.7 * sin(5 * q) for q in ANGLE]),
     ("torque_ripple_second", {**each("a"), "b": 0.7, "k": 5}, "shaft", RIPPLE),
     ("friction_warmup", {"a": 0.25, "T": 60}, "shaft", [GONE * MU1 * w for w in WHEEL]),
     ("friction_warmup", {"a": 0.25, "T": 60}, "roller", [GONE * MU2 * g for g in ROLLER]),
@@ -236,6 +237,16 @@ def test_half_the_ripple_is_half_the_deviation():
 def test_loads_and_slip_speeds_of_the_row_are_worth_a_row():
     assert max(LOST) > 0.1
     assert sum(LOADS) == pytest.approx(G * M0)
+
+
+def test_a_wheel_that_would_be_pulled_down_carries_nothing():
+    """The centre of mass far in front: all rolling resistance is that of the front wheels."""
+    effect, p = parameters("rolling_resistance", 0.02)
+    s = signals()
+    s.theta = s.theta._replace(max=M0 * 2 * BASE, may=0.0)
+    front, rear = G * M0 * 0.02 * R * 0.75, 0.0
+    torques = effect.shaft(p, s, FLOAT)
+    np.testing.assert_allclose(torques, (-front, -front, rear, rear), atol=1e-9)
 
 
 # One wheel speed or roller rate is enough to see over which width a sign is rounded off.
