@@ -118,8 +118,9 @@ def reference_motion(log: Log, lag: float = FOLLOWING_LAG) -> Log:
 def durbin_wu_hausman(plain: Estimate, robust: Estimate) -> float:
     """P value of "least squares is as good as instrumental variables" (small: it is biased).
 
-    The variance of the difference is bounded by that of the instrumental estimate, so the test
-    errs on the side of silence.
+    The variance of the difference is bounded by that of the instrumental estimate, so the test is
+    nearly always too silent.  Where the bound is reached few clusters make it speak too often: in
+    8.9 % instead of 5 % with 40 clusters and seven values.
     """
     gap = robust.values - plain.values
     scaled = gap / robust.standard_errors
