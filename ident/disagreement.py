@@ -81,8 +81,9 @@ def may_disagree(logs: Sequence[Log], tests: Sequence[Log], model: Model) -> boo
     Arguments as of ``disagreements``, but for clocks that were found together, which cost half.
     """
     for log, mine, known in _judged(logs, tests, model):
-        run = log.run_of(mine.time)
-        for rows in (np.ones(len(run), bool), *(run == k for k in range(1, len(log.run_names)))):
+        run, count = log.run_of(mine.time), len(log.run_names)
+        each = [run == k for k in range(count)] if count > 1 else []
+        for rows in (np.ones(len(run), bool), *each):
             one = _rows(mine, rows)
             if (
                 np.ptp(one.time) > STRETCH * (FEWEST - 1)

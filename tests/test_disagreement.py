@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ident.diagnosis.diagnose import diagnose
-from ident.disagreement import disagreements, may_judge, not_used, with_disagreements
+from ident.disagreement import disagreements, may_disagree, may_judge, not_used, with_disagreements
 from ident.log import Log
 from ident.pooling import joined
 from ident.recording import find_recordings
@@ -117,6 +117,16 @@ def test_of_many_short_logs_that_which_differs_is_told(fitted):
     assert list(found(*heavy)) == ["b", "d"]
     assert not may_judge(joined(heavy), found(*heavy))
     assert "; b, d were not used to judge: the robot is not" in not_used(found(*heavy))
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_a_single_run_that_differs_is_reason_to_look_closer(fitted, number):
+    same, known = PAPER.with_effects(DRY), [replace(fitted, recording=KNOWN)]
+    robots = [heavier(1.2) if k == number else same for k in range(4)]
+    runs = [replace(record(r, k + 2, seconds=18.0), recording=KNOWN) for k, r in enumerate(robots)]
+    assert may_disagree(known, [joined(runs)], PAPER)
+    others = [replace(record(same, k + 20, seconds=18.0), recording=KNOWN) for k in range(4)]
+    assert not may_disagree(known, [joined(others)], PAPER)
 
 
 def test_the_finding_stands_in_text_and_json(script, tmp_path, fitted):
