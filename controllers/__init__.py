@@ -15,7 +15,7 @@ from typing import Any
 
 from controllers.base import Controller, Settings
 from youbot_env import __version__ as __version__
-from youbot_env.arguments import check_kind
+from youbot_env.arguments import check_free, check_kind
 from youbot_env.envs.task import LEVELS
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
@@ -66,8 +66,7 @@ def register(controller: type[Controller]) -> type[Controller]:
     if controller.act is Controller.act:
         raise ValueError(f"{what} does nothing; override act")
     known = {**_found(), **_EXTRA}.get(name)
-    if known is not None and _place(known) != _place(controller):
-        raise ValueError(f"controller {name!r} exists already: {_place(known)}")
+    check_free(f"controller {name!r}", controller, known)
     _EXTRA[name] = controller
     return controller
 
@@ -75,11 +74,6 @@ def register(controller: type[Controller]) -> type[Controller]:
 def unregister(name: str) -> None:
     """Forget a controller that was registered from outside; no harm if there is none."""
     _EXTRA.pop(name, None)
-
-
-def _place(controller: type[Controller]) -> str:
-    """Where a class stands; one that is defined anew takes the place of the old."""
-    return f"{controller.__module__}.{controller.__qualname__}"
 
 
 def controller_names() -> tuple[str, ...]:

@@ -9,14 +9,14 @@ samples, and whole runs can be kept out of a fit.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
 
 import numpy as np
 
 from ident.log import CHANNELS, Log
-from youbot_env.arguments import check_kind
+from youbot_env.arguments import check_kind, several
 
 # Logs of at least this length, s, are records of their own, unless there are more than so many:
 # parameters of every record would make the cost grow with the square of their number.
@@ -39,8 +39,7 @@ def as_list(logs: Log | str | PathLike | Sequence[Log | str | PathLike] | None) 
     """
     if logs is None:
         return []
-    single = isinstance(logs, Log | str | PathLike) or not isinstance(logs, Iterable)
-    return [_read(one) for one in ([logs] if single else logs)]
+    return [_read(one) for one in several(logs, Log, str, PathLike)]
 
 
 def _read(log: Log | str | PathLike) -> Log:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 
@@ -26,6 +26,24 @@ def check_number(name: str, value: object, low: float, high: float = math.inf) -
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
         span = f"from {low:g} to {high:g}" if math.isfinite(high) else f"of at least {low:g}"
         raise ValueError(f"{name} = {value!r}; give a number {span}")
+
+
+def several(value: object, *single: type) -> list:
+    """What was given as a list: one thing of some kinds, or no iterable, counts as one."""
+    return [value] if isinstance(value, single) or not isinstance(value, Iterable) else list(value)
+
+
+def check_free(what: str, kind: type, known: type | None) -> None:
+    """Refuse a class under a name that belongs to another one.
+
+    One that is defined anew at the same place takes that of the old.
+
+    Raises:
+        ValueError: says where the other class stands.
+    """
+    places = [f"{one.__module__}.{one.__qualname__}" for one in (known, kind) if one is not None]
+    if len(set(places)) > 1:
+        raise ValueError(f"{what} exists already: {places[0]}")
 
 
 def check_names(name: str, value: Any, wanted: str) -> Mapping[str, Any]:

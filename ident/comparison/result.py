@@ -27,6 +27,7 @@ from ident.recording_words import Instrument
 from ident.regression import AXES, Regression, build_regression
 from ident.results import Shown
 from ident.threads import one_thread
+from youbot_env.arguments import several
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
@@ -184,8 +185,7 @@ def compare(
         ValueError: a model on another platform, or a log without drive input or too short.
     """
     log = as_one(as_list(log))
-    single = isinstance(models, str | PathLike | Model) or not isinstance(models, Iterable)
-    models = [load_model(model) for model in ([models] if single else models)]
+    models = [load_model(model) for model in several(models, str, PathLike, Model)]
     if not models:
         raise ValueError("models is empty; give at least one model, its file or its name")
     models, found = [without_instruments(model) for model in models], Comparisons()

@@ -235,12 +235,13 @@ def diagnose(
     fits, start = freed(found.fits, records, refined.model, len(tests), model)
     chain, errors = _with_errors(fits, start, steps)
     fitting = ""
-    if errors.before <= errors.white and (_real(steps) or outside):
+    real = [step for step in steps if step.real]
+    if errors.before <= errors.white and (real or outside):
         # White noise of the sensors alone leaves as much without any of them.  Noise of the drive
         # that lasts does not count here: an effect that is missing passes for some of it.
-        fitting = ", ".join(step.best.identifier for step in _real(steps)) or "a dependence"
+        fitting = ", ".join(step.best.identifier for step in real) or "a dependence"
         fitting = f"; {fitting} fits, but no more than noise was left without it"
-        steps, outside = [step for step in steps if step not in _real(steps)], False
+        steps, outside = [step for step in steps if not step.real], False
         chain, errors = _with_errors(fits, start, steps)
     last = chain[-1][1]
     steps.sort(key=lambda step: step.background)
@@ -304,11 +305,6 @@ def _with_errors(
     return chain, free_run_errors(fits, chain, simulation)
 
 
-def _real(steps: list[Step]) -> list[Step]:
-    """Steps that are an effect of the robot that not every robot has."""
-    return [step for step in steps if not (step.background or step.recording)]
-
-
 def _repeated(verdict: str, across: tuple[Repeat, ...]) -> str:
     """How much of what stays unexplained a law of the motion could explain at all."""
     if verdict not in ("outside_library", "cannot_say"):
@@ -359,7 +355,7 @@ def _judge(
     forces: dict[str, list[ForceShare]],
 ) -> tuple[str, str]:
     """Return verdict and reason."""
-    real = _real(steps)
+    real = [step for step in steps if step.real]
     fall = f"{errors.what} {100 * errors.before:.3g} % to {100 * errors.after:.3g} %"
     signals = ", ".join(signal for signal, _ in last.dependences()) or "no signal that was tried"
     names = ", ".join(step.best.identifier for step in real)

@@ -53,7 +53,7 @@ class Search:
     @property
     def real(self) -> list[Step]:
         """Effects added, but for what every robot has."""
-        return [step for step in self.steps if not (step.background or step.recording)]
+        return [step for step in self.steps if step.real]
 
     def after(self, simulations: tuple[Linearised, ...], origin: float | None) -> Round:
         """A round on top of a simulated model."""
@@ -231,6 +231,11 @@ class Step:
     def recording(self) -> bool:
         """Whether it is the recording's, not the robot's."""
         return get_effect(self.best.identifier).link == "sensor"
+
+    @property
+    def real(self) -> bool:
+        """Whether it is an effect of the robot that not every robot has."""
+        return not (self.background or self.recording)
 
     @property
     def beside(self) -> set[str]:

@@ -142,7 +142,12 @@ def with_phases_of(first: Log, log: Log) -> Log:
 
 
 def _phases(log: Log) -> np.ndarray | None:
-    """The phases where the wheels clearly ripple."""
+    """The phases where the wheels clearly ripple; every round of a diagnosis asks for them."""
+    return log.memo.of(("roller phases",), lambda: _phases_found(log))
+
+
+def _phases_found(log: Log) -> np.ndarray | None:
+    """The same, worked out."""
     if log.wheel_velocity is None:
         return None
     pieces = log.pieces()

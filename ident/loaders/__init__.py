@@ -14,6 +14,7 @@ from pathlib import Path
 
 from ident.doctor.finding import LogError
 from ident.loaders.base import Loader, Table, refuse
+from youbot_env.arguments import check_free
 from youbot_env.platform import Platform
 
 __all__ = [
@@ -48,8 +49,7 @@ def register(loader: type[Loader]) -> type[Loader]:
     if missing:
         raise ValueError(f"loader class {loader.__qualname__} does not state {missing}")
     known = {**_shipped(), **_EXTRA}.get(loader.identifier)
-    if known is not None and _place(type(known)) != _place(loader):
-        raise ValueError(f"format {loader.identifier!r} exists already: {_place(type(known))}")
+    check_free(f"format {loader.identifier!r}", loader, None if known is None else type(known))
     _EXTRA[loader.identifier] = loader()
     return loader
 
@@ -57,11 +57,6 @@ def register(loader: type[Loader]) -> type[Loader]:
 def unregister(identifier: str) -> None:
     """Forget a format that was registered from outside; no harm if there is none."""
     _EXTRA.pop(identifier, None)
-
-
-def _place(loader: type[Loader]) -> str:
-    """Where a class stands; one that is defined anew takes the place of the old."""
-    return f"{loader.__module__}.{loader.__qualname__}"
 
 
 def loaders() -> tuple[Loader, ...]:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 
+from youbot_env.arguments import check_free
 from youbot_env.effects.base import Effect, Parameter, Signals
 
 __all__ = [
@@ -66,15 +67,9 @@ def register(effect: type[Effect]) -> type[Effect]:
     if not any(effect.acts(hook) for hook in HOOKS):
         raise ValueError(f"effect {effect.identifier!r} does nothing; override one of {HOOKS}")
     known = {**_shipped(), **_EXTRA}.get(effect.identifier)
-    if known is not None and _place(known) != _place(effect):
-        raise ValueError(f"effect {effect.identifier!r} exists already: {_place(known)}")
+    check_free(f"effect {effect.identifier!r}", effect, known)
     _EXTRA[effect.identifier] = effect
     return effect
-
-
-def _place(effect: type[Effect]) -> str:
-    """Where a class stands; one that is defined anew takes the place of the old."""
-    return f"{effect.__module__}.{effect.__qualname__}"
 
 
 def unregister(identifier: str) -> None:
