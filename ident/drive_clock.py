@@ -55,6 +55,9 @@ NUISANCES = (
 )
 EACH_WHEEL = ("torque_offset",)
 WEAK = 1e-6
+# Least standard error of a lead, s: what rows stand for is known no better.  Leads of 13 ideal
+# robots recorded in other ways were off by 0.8 ms rms where fits said 0.5 ms.
+LEAST_ERROR = 6e-4
 
 
 def leads(logs: list[Log], model: Model) -> list[tuple[float, float]]:
@@ -86,7 +89,9 @@ def _leads(logs: list[Log], model: Model) -> list[tuple[float, float]]:
     for number, log in enumerate(logs):
         ahead, error = lead(fit, number)
         pull = _pull_of_loops(fit, number, log)
-        found.append((ahead - pull, float(np.hypot(error, pull))))
+        if error > 0:  # else it is stated
+            error = float(np.sqrt(error**2 + pull**2 + LEAST_ERROR**2))
+        found.append((ahead - pull, error))
     return found
 
 

@@ -29,7 +29,7 @@ from ident.recursive import history
 from ident.regression import CORNER, Regression, build_regression
 from ident.results import Quantity, Shown, annotated, listed_names, quantities, quantity_columns
 from ident.threads import one_thread
-from ident.unexplained import Unexplained, widening
+from ident.unexplained import Unexplained, rolling_shift, widening
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
 
@@ -66,6 +66,7 @@ class Identification(Shown):
         differs: test logs that are not of the robot of the fitted ones, by name.
         unexplained: what the model leaves of the fitted logs, by which its intervals are widened
             where that is certain; None where the motion is steady and a free run tells nothing.
+        rolling: whether intervals hold what finite rollers do to a model without them.
         choice: how well methods predict what is kept out, where that chose; else None.
     """
 
@@ -93,6 +94,7 @@ class Identification(Shown):
     refinement: OutputError | None
     differs: dict[str, Finding]
     unexplained: Unexplained | None
+    rolling: bool
     choice: MethodChoice | None = None
 
     @property
@@ -131,6 +133,7 @@ class Identification(Shown):
             "hausman_p": self.hausman,
             "kept_out": None if self.choice is None else self.choice.errors,
             "widened": self.unexplained is not None and self.unexplained.certain,
+            "widened_for_rollers": self.rolling,
         }
         return {
             "logs": list(self.names),
@@ -210,6 +213,9 @@ def identify(
     unexplained = Unexplained.of(logs, model, fit_run) if inertia_is_seen(logs, prior) else None
     if unexplained is not None and unexplained.certain:
         model = _widened(model, widening(seen, regression, logs, model, unexplained.share), seen)
+    shift = rolling_shift(seen, logs, model)
+    if shift is not None:
+        model = _widened(model, np.outer(shift, shift), seen)
     parameters, lumped, extra = quantities(model, seen, factor, chosen)
     return Identification(
         model=annotated(model, parameters, chosen, given),
@@ -236,6 +242,7 @@ def identify(
         refinement=refinement,
         differs=differs,
         unexplained=unexplained,
+        rolling=shift is not None,
         choice=choice,
     )
 
@@ -277,7 +284,7 @@ def _linear(
         if observability.rank == 0:
             names = ", ".join(log.name for log in logs)
             raise ValueError(f"no parameter leaves a trace in {names}; record a livelier motion")
-        seen, bounded = kept_possible(
+        seen, loose, bounded = kept_possible(
             Seen.of(observability, regression, start, model), regression, prior
         )
         found = LinearEstimation(seen, model, corner, clusters, instruments).of(records, regression)
@@ -287,11 +294,25 @@ def _linear(
                 "serve as instruments; use ls"
             )
         estimates = {method: seen.restore(estimate) for method, estimate in found.items()}
+        if loose is not seen:
+            free = LinearEstimation(loose, model, corner, clusters, instruments)
+            for method, estimate in free.of(records, regression).items():
+                if method in estimates:
+                    estimates[method] = _held(estimates[method], loose.restore(estimate))
         chosen = list(estimates)[-1]
         model = with_estimate(prior, estimates[chosen], name)
     hausman = durbin_wu_hausman(*found.values()) if len(found) == 2 else None
     return _Linear(model, estimates, chosen, seen, bounded, observability, regression, velocity,
                    hausman)  # fmt: skip
+
+
+def _held(held: Estimate, free: Estimate) -> Estimate:
+    """An estimate with a value at its bound: as unknown as without, give or take what that moved.
+
+    Its own scatter holds for the case that the bound is the truth.
+    """
+    moved = held.values - free.values
+    return replace(held, covariance=free.covariance + np.outer(moved, moved))
 
 
 def _refined(records: list[Recording], model: Model, intervals: bool = True) -> OutputError:

@@ -66,7 +66,7 @@ def outside(names: tuple[str, ...], values: np.ndarray, model: Model) -> dict[st
     return found
 
 
-def kept_possible(seen: Seen, regression: Regression, model: Model) -> tuple[Seen, list[str]]:
+def kept_possible(seen: Seen, regression: Regression, model: Model) -> tuple[Seen, Seen, list[str]]:
     """What is estimated, cut back until the estimate lies within the bounds of its parameters.
 
     Args:
@@ -75,13 +75,14 @@ def kept_possible(seen: Seen, regression: Regression, model: Model) -> tuple[See
         model: start values and bounds.
 
     Returns:
-        ``seen`` itself where least squares is possible; else with fewer directions, and what would
-        have become of the values that are held at a bound.
+        ``seen`` itself where least squares is possible, else with fewer directions; the same with
+        nothing held, for that a value is held does not tell the others any better; and what would
+        have become of the values that are held.
     """
     values = _solved(seen, regression)
     broken = outside(seen.names, values, model)
     if not broken:
-        return seen, []
+        return seen, seen, []
     spreads, words = prior_spreads(seen.names, model), []
     left = _energy(regression, regression.residual(values)) / _energy(regression, regression.y)
     # A value that misses its bound by less than what was known beforehand has not run away.
@@ -90,7 +91,7 @@ def kept_possible(seen: Seen, regression: Regression, model: Model) -> tuple[See
         for name, value, spread in zip(seen.names, values, spreads, strict=True)
     )
     least, held = 0.0 if near else ALIGNED**2 * left, {}
-    cut = _cut(seen, regression, spreads, least, held)
+    cut = loose = _cut(seen, regression, spreads, least, held)
     for _ in range(len(seen.names)):
         values = _solved(cut, regression)
         broken = outside(cut.names, values, model)
@@ -105,7 +106,7 @@ def kept_possible(seen: Seen, regression: Regression, model: Model) -> tuple[See
             f"{broken[name]:.3g}"
         )
         cut = _cut(seen, regression, spreads, least, held)
-    return cut, words
+    return cut, loose, words
 
 
 def _cut(

@@ -114,3 +114,7 @@ def test_a_size_beyond_its_bound_is_held_there_with_a_word():
     assert scrub.source == AT_BOUND
     assert any("yaw_scrub_friction.ts would come out at -" in doubt for doubt in found.doubts)
     assert found.lumps["x1+x3"].ci95 is not None
+    # That it is held tells the friction beside it no better than had it been left out.
+    sizes = {m: e.standard_errors[e.names.index("mu2")] for m, e in found.estimates.items()}
+    without = identify(log, NOMINAL, method="ls").estimates["least squares"]
+    assert sizes["least squares"] > without.standard_errors[without.names.index("mu2")]

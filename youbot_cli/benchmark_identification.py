@@ -164,7 +164,7 @@ def base_answers(case: HiddenCase) -> list[dict]:
         found = identify(recorded.fit, nominal, test=tests)
     except ValueError as error:  # refused with a reason, which is an answer
         return [{"name": "", "refused": str(error)}]
-    theta = replace(recorded.truth, effects=())
+    theta = shared_by_wheels(recorded.truth)
     true = theta.parameters.as_dict() | {
         name: float(weights @ np.array(theta.values()))
         for name, (weights, _) in lump_weights(theta).items()
@@ -181,6 +181,23 @@ def base_answers(case: HiddenCase) -> list[dict]:
             "half": 0.5 * (high - low) / size,
         })  # fmt: skip
     return answers
+
+
+def shared_by_wheels(truth: Model) -> Model:
+    """The ideal robot that a log shows: what all wheels share of a contrast is not the contrast's.
+
+    A wheel of less friction lowers the mean that mu1 is; drives that deliver more than they report
+    make a robot lighter in the units of its torques.
+    """
+    means = {
+        active.identifier: float(np.mean(list(active.values.values())))
+        for active in truth.effects
+        if active.identifier in ("wheel_friction_asymmetry", "torque_gain")
+    }
+    ideal = replace(truth, effects=())
+    values = np.array(ideal.values()) / (1.0 + means.get("torque_gain", 0.0))
+    values[ideal.names().index("mu1")] += means.get("wheel_friction_asymmetry", 0.0)
+    return ideal.with_values(values)
 
 
 def summary(answers: list[dict]) -> dict:

@@ -121,7 +121,7 @@ def roller_phases(log: Log) -> np.ndarray | None:
     Returns:
         None where the wheels do not ripple, or as if all phases were zero.
     """
-    phases = _phases(log)
+    phases = seen_phases(log)
     return None if phases is None or np.abs(phases).max() < MISPLACED else phases
 
 
@@ -132,7 +132,7 @@ def with_phases_of(first: Log, log: Log) -> Log:
     """
     if log.wheel_angle is not None or first.wheel_angle is not None:
         return log
-    theirs, mine = _phases(first), _phases(log)
+    theirs, mine = seen_phases(first), seen_phases(log)
     if theirs is None or mine is None:
         return log
     turned = _within(mine - theirs)
@@ -141,8 +141,9 @@ def with_phases_of(first: Log, log: Log) -> Log:
     return replace(log, wheel_angle=dead_reckoning.wheel_angles(log) + turned)
 
 
-def _phases(log: Log) -> np.ndarray | None:
-    """The phases where the wheels clearly ripple; every round of a diagnosis asks for them."""
+def seen_phases(log: Log) -> np.ndarray | None:
+    """(n,) roller phases where wheel angles are zero, rad; None where the wheels do not ripple."""
+    # Every round of a diagnosis asks for them.
     return log.memo.of(("roller phases",), lambda: _phases_found(log))
 
 

@@ -58,7 +58,7 @@ class Outcome:
                 float(equation_error(row, m)[3]) for row, m in zip(rows, models, strict=True)
             )
         left = result.unexplained
-        wide = left is not None and left.certain
+        wide = result.rolling or (left is not None and left.certain)
         # What widens the intervals is no noise.
         model = replace(result.model, covariance=None) if wide else result.model
         floor = Unexplained.of(logs, model, after).floor
@@ -93,7 +93,12 @@ class Outcome:
     @property
     def doubts(self) -> list[str]:
         """What is odd about the result, and what its intervals do not hold."""
-        left, found = self.result.unexplained, self.result.doubts
+        left, found = self.result.unexplained, list(self.result.doubts)
+        if self.result.rolling:
+            found.append(
+                "the wheels roll on finite rollers, which the model lacks; the intervals are "
+                "widened by what that does to the values: add roller_ripple"
+            )
         if left is not None and left.certain:
             return [
                 *found,
