@@ -29,7 +29,7 @@ def wheels_agree(log: Log, whole: bool = False) -> bool:
         log: the record.
         whole: with that part, so that the wheels must have the platform's radii.
     """
-    found = _contradiction(log, whole)
+    found = contradiction(log, whole)
     return found is not None and found[0] < CONTRADICTION * found[1]
 
 
@@ -47,7 +47,7 @@ def rolling_variance(log: Log, rippled: bool = False) -> np.ndarray:
     Returns:
         (rad/s)^2 of n wheel speeds, or of body velocities where these are logged.
     """
-    found = _contradiction(log)
+    found = contradiction(log)
     wheels = len(log.platform.wheels)
     each = 0.0
     if found is not None:
@@ -60,7 +60,7 @@ def rolling_variance(log: Log, rippled: bool = False) -> np.ndarray:
     return np.linalg.pinv(log.platform.jacobian_array) ** 2 @ variance
 
 
-def _contradiction(log: Log, whole: bool = False) -> tuple[float, float] | None:
+def contradiction(log: Log, whole: bool = False) -> tuple[float, float] | None:
     """Mean square of what contradicts rolling and what noise explains of it, (rad/s)^2.
 
     None where wheels cannot show it.
@@ -76,8 +76,8 @@ def _contradiction(log: Log, whole: bool = False) -> tuple[float, float] | None:
     if free.shape[1] == 0:
         return None
     expected = float(np.mean(white_variance(log, log.wheel_velocity) @ free**2))
-    contradiction = log.wheel_velocity @ free
+    against = log.wheel_velocity @ free
     if not whole:
         motion = log.wheel_velocity @ np.linalg.pinv(jacobian).T
-        contradiction -= motion @ np.linalg.lstsq(motion, contradiction)[0]
-    return float(np.mean(contradiction**2)), expected
+        against -= motion @ np.linalg.lstsq(motion, against)[0]
+    return float(np.mean(against**2)), expected

@@ -65,7 +65,7 @@ class Identification(Shown):
         refinement: result of the free-run refinement, where it was asked for.
         differs: test logs that are not of the robot of the fitted ones, by name.
         unexplained: what the model leaves of the fitted logs, by which its intervals are widened
-            where that is certain; None where the motion is steady and a free run tells nothing.
+            where that is likely; None where the motion is steady and a free run tells nothing.
         rolling: whether intervals hold what finite rollers do to a model without them.
         choice: how well methods predict what is kept out, where that chose; else None.
     """
@@ -132,7 +132,7 @@ class Identification(Shown):
             "test_free_run": _run_dict(self.test_run) if self.test_run else None,
             "hausman_p": self.hausman,
             "kept_out": None if self.choice is None else self.choice.errors,
-            "widened": self.unexplained is not None and self.unexplained.certain,
+            "widened": self.unexplained is not None and self.unexplained.likely,
             "widened_for_rollers": self.rolling,
         }
         return {
@@ -211,7 +211,7 @@ def identify(
         regression, velocity = _rows(logs, model, corner)
     fit_run = free_run(logs, model)
     unexplained = Unexplained.of(logs, model, fit_run) if inertia_is_seen(logs, prior) else None
-    if unexplained is not None and unexplained.certain:
+    if unexplained is not None and unexplained.likely:
         model = _widened(model, widening(seen, regression, logs, model, unexplained.share), seen)
     shift = rolling_shift(seen, logs, model)
     if shift is not None:

@@ -71,3 +71,9 @@ def test_diagnosis_finds_the_ripple_of_rollers_that_begin_anywhere(logs):
     assert ripple["size"] == pytest.approx(0.8, abs=0.03)
     assert apart([ripple[name] for name in PHASES], list(PHASES.values())) < CLOSE
     assert found.errors.after < 0.2 * found.errors.before
+
+
+def test_how_much_of_a_contradiction_rollers_make():
+    rolling, ideal = recorded(1, 0.6), recorded(1, 0.0)
+    assert ripple_share(rolling) > 0.8
+    assert ripple_share(ideal) == pytest.approx(0.0, abs=0.2)

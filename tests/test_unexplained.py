@@ -55,7 +55,7 @@ def test_a_missing_effect_does_not_leave_the_truth_out(effects):
 
 def test_nothing_is_widened_where_nothing_is_missing():
     found = misses({})[1]
-    assert not found.unexplained.certain
+    assert not found.unexplained.likely
     assert found.unexplained.share == 0.0
     estimate = found.estimates[found.method]
     weights = lump_weights(PAPER)["x6"][0][:7]

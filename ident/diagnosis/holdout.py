@@ -14,6 +14,7 @@ from ident.diagnosis.settings import SETTINGS
 from ident.diagnosis.splits import VERIFY, Part
 from ident.drive_noise import NO_NOISE, LastingNoise, lasting_noise
 from ident.free_run import free_run
+from ident.kinematics.ripple import ripple_share
 from ident.noise_floor import velocity_floor
 from ident.output_error import OutputError
 from ident.sensitivity import Linearised, window_length
@@ -202,7 +203,10 @@ def free_run_errors(
     low, high = np.quantile(1.0 - np.sqrt(means[-1] / means[0]), [0.025, 0.975])
     names, errors = [name for name, _ in chain], by_window.mean(axis=1)
     at = names.index(RIPPLE) if RIPPLE in names else 0
-    rippled = at > 0 and errors[at] < SETTINGS.ripple_explained * errors[at - 1]
+    least = SETTINGS.ripple_explained
+    rippled = at > 0 and (
+        errors[at] < least * errors[at - 1] or ripple_share(simulation.log) > 1.0 - least
+    )
     return FreeRunErrors(
         tuple(names),
         tuple(np.sqrt(errors).tolist()),

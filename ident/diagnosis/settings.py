@@ -198,7 +198,8 @@ class Settings:
     # simulated records up to 1.9 times its floor, in squares.
     noise_scatter: float = 1.0
     # Of some makes of rollers the ripple of the library explains little; of those of which it is
-    # the ripple, at least half of the squared error.
+    # the ripple, at least half of the squared error, or of the squared contradiction of the wheels
+    # where something else makes the error (of 14 robots in MuJoCo 0.8 to 1).
     ripple_explained: float = 0.5
     # An error of this share is that of a model that says nothing: the mean of the motion, or no
     # force.

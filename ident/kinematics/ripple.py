@@ -15,6 +15,7 @@ import numpy as np
 from scipy import stats
 
 from ident import dead_reckoning
+from ident.contradiction import contradiction
 from ident.estimators import CLUSTERS
 from ident.kinematics.fit import leave_one_out
 from ident.kinematics.wheels import middle_phases, ripple_geometry
@@ -70,7 +71,7 @@ def find_ripple(piece: Log, platform: Platform) -> Ripple | None:
     except ValueError:  # six such rollers would not make a wheel
         return None
     J, speed, angle = platform.jacobian_array, piece.wheel_velocity, wheel_angles(piece)
-    contradiction = np.eye(count) - J @ np.linalg.pinv(J)
+    against = np.eye(count) - J @ np.linalg.pinv(J)
     v, found = speed @ np.linalg.pinv(J).T, None
     phases = np.zeros(count)
     for _ in range(ROUNDS):
@@ -82,10 +83,10 @@ def find_ripple(piece: Log, platform: Platform) -> Ripple | None:
             exact = ripple_geometry(platform, angle.T, 1.0, phases).wheel_velocity(tuple(v.T))
             along = np.stack(exact, axis=1) - v @ J.T
         pair = np.stack([along, ahead], axis=2)
-        design = [np.einsum("ai,nij->naij", contradiction, pair)]
-        design.append(np.einsum("ai,nj->naij", contradiction, v))
+        design = [np.einsum("ai,nij->naij", against, pair)]
+        design.append(np.einsum("ai,nj->naij", against, v))
         columns = np.concatenate([part.reshape(*speed.shape, -1) for part in design], axis=2)
-        found = _solve(columns, speed @ contradiction.T, phases)
+        found = _solve(columns, speed @ against.T, phases)
         phases = found.phases
         v = np.stack(_velocity(piece, platform, found, angle)[0], axis=1)
     return found
@@ -113,6 +114,23 @@ def without_ripple(log: Log, platform: Platform) -> tuple[Log, Ripple | None]:
         ideal = np.stack(platform.geometry.wheel_velocity(v), axis=1)
         speeds[-1] = piece.wheel_velocity + ideal - np.stack(rippled, axis=1)
     return replace(log, wheel_velocity=np.concatenate(speeds)), ripple
+
+
+def ripple_share(log: Log) -> float:
+    """Share of the squared contradiction of the wheels, beyond noise, that finite rollers make.
+
+    Nothing else that acts on the robot has a part in it, as in the error of a free run.
+    """
+    return log.memo.of(("ripple share",), lambda: _ripple_share(log))
+
+
+def _ripple_share(log: Log) -> float:
+    """The same, worked out."""
+    if log.wheel_velocity is None or (whole := contradiction(log)) is None:
+        return 0.0
+    left = contradiction(without_ripple(log, log.platform)[0])
+    excess = whole[0] - whole[1]
+    return 1.0 - max(left[0] - left[1], 0.0) / excess if excess > 0 else 0.0
 
 
 def roller_phases(log: Log) -> np.ndarray | None:

@@ -58,7 +58,7 @@ class Outcome:
                 float(equation_error(row, m)[3]) for row, m in zip(rows, models, strict=True)
             )
         left = result.unexplained
-        wide = result.rolling or (left is not None and left.certain)
+        wide = result.rolling or (left is not None and left.likely)
         # What widens the intervals is no noise.
         model = replace(result.model, covariance=None) if wide else result.model
         floor = Unexplained.of(logs, model, after).floor
@@ -99,10 +99,11 @@ class Outcome:
                 "the wheels roll on finite rollers, which the model lacks; the intervals are "
                 "widened by what that does to the values: add roller_ripple"
             )
-        if left is not None and left.certain:
+        if left is not None and left.likely:
+            lacks = "lacks" if left.certain else "may lack"
             return [
                 *found,
-                "the model lacks something, and the intervals are widened by what that may have "
+                f"the model {lacks} something, and the intervals are widened by what that may have "
                 f"done to the values (free-run error of the fit {percent(left.error)} where noise "
                 f"and rolling leave {percent(left.floor)}): run diagnose",
             ]
