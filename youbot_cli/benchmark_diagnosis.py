@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ident.benchmark.cases import FOREIGN_PLAN, FULL_PLAN, PARTS, QUICK_PLAN, Case
-from ident.benchmark.runner import Task, run
-from ident.benchmark.store import Store, code_version
-from ident.benchmark.summary import summarise
 from youbot_cli import console
+from youbot_cli.names import PARTS
+
+if TYPE_CHECKING:
+    from ident.benchmark.cases import PARTS, Case
+    from ident.benchmark.runner import Task
 
 RESULTS = Path("runs/benchmark_diagnosis.jsonl")
-CONDITIONS = {"own": FULL_PLAN, "foreign": FOREIGN_PLAN}
 BASELINES = ("pysindy", "sysidentpy")
 # Cases of each kind that the baselines get: robots of every effect at full size, quiet robots.
 BASELINE_SEEDS, BASELINE_NOTHING = 3, 30
@@ -67,6 +67,10 @@ def benchmark(
     Finished cases are kept in a file, so a run that was stopped goes on where it was; results of
     other code do not count.  The full run takes hours.
     """
+    from ident.benchmark.runner import run
+    from ident.benchmark.store import Store, code_version
+    from ident.benchmark.summary import summarise
+
     chosen = choose(quick, part, cases, seed, conditions)
     if show:
         console.out.print("\n".join(case.id for case in chosen))
@@ -121,12 +125,15 @@ def choose(
     Raises:
         ValueError: unknown conditions, an unknown part, or nothing is left.
     """
+    from ident.benchmark.cases import FOREIGN_PLAN, FULL_PLAN, QUICK_PLAN
+
     for name in parts or ():
         if name not in PARTS:
             raise ValueError(f"--part {name}: choose one of {', '.join(PARTS)}")
-    if conditions not in CONDITIONS:
-        raise ValueError(f"--conditions {conditions}: choose one of {', '.join(CONDITIONS)}")
-    plan = CONDITIONS[conditions]
+    plans = {"own": FULL_PLAN, "foreign": FOREIGN_PLAN}
+    if conditions not in plans:
+        raise ValueError(f"--conditions {conditions}: choose one of {', '.join(plans)}")
+    plan = plans[conditions]
     if quick:
         plan = replace(QUICK_PLAN, foreign=plan.foreign)
     left = [case for case in plan.cases(seed) if not parts or case.part in parts]

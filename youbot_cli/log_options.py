@@ -8,21 +8,19 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from ident.diagnosis.settings import SETTINGS
-from ident.doctor import LogError
-from ident.doctor.finding import Finding
-from ident.loaders import find_loader
-from ident.log import BUNDLED, YOUBOT_TABLE, Log, find_log
 from youbot_cli import console
-from youbot_env.model import Model
-from youbot_env.platform import youbot
-from youbot_env.platform_file import LINE, GivenPlatform, read_platform
+from youbot_cli.names import PLATFORM_LINE
 
-FIT, TEST = BUNDLED.folder / "youbot_fit.csv", BUNDLED.folder / "youbot_test.csv"
+if TYPE_CHECKING:
+    from ident.doctor.finding import Finding
+    from ident.log import Log
+    from youbot_env.model import Model
+    from youbot_env.platform_file import GivenPlatform
+
 # Options that take all words up to the next option, for ``console.run``.
 SEVERAL = ("--test",)
 # What a folder of logs is searched for.
@@ -66,7 +64,7 @@ class LogOptions:
         typer.Option(
             metavar="PLATFORM",
             help=f"The robot of the logs: a YAML file (docs/add_a_platform.md), a name, or "
-            f"'{LINE}'; what the log says, else --model's, if left.",
+            f"'{PLATFORM_LINE}'; what the log says, else --model's, if left.",
         ),
     ] = None
     lever: Annotated[
@@ -102,6 +100,8 @@ class LogOptions:
         Raises:
             ValueError: nothing there, no usable log, or a log given twice.
         """
+        from ident.doctor import LogError
+
         given = self.given(model)
         mapping = parse_mapping(self.mapping)
         found: list[list[Log]] = []
@@ -127,6 +127,9 @@ class LogOptions:
 
     def given(self, model: Model) -> GivenPlatform | None:
         """The platform of an option or of a model that has its own; None where logs may say it."""
+        from youbot_env.platform import youbot
+        from youbot_env.platform_file import GivenPlatform, read_platform
+
         if self.lever is not None and not (math.isfinite(self.lever) and self.lever > 0):
             raise ValueError(f"--lever {self.lever}: give l + h in m, a positive number")
         if self.platform is not None:
@@ -135,10 +138,14 @@ class LogOptions:
 
     def used_models(self, models: list[Model], logs: list[Log]) -> list[Model]:
         """Models on the platform of the logs; one that was measured elsewhere keeps its own."""
+        from youbot_env.platform import youbot
+
         given = self.platform is not None or self.lever is not None
         return [used_model(m, logs) if given or m.platform == youbot() else m for m in models]
 
     def _load(self, file: Path, given: GivenPlatform | None, mapping: dict[str, str]) -> Log:
+        from ident.log import Log
+
         return Log.load(
             file,
             given,
@@ -179,6 +186,18 @@ def reads_logs(command: Callable[..., None]) -> Callable[..., None]:
     return expanded
 
 
+def or_bundled(
+    logs: list[str] | None, tests: list[str] | None
+) -> tuple[list[str | Path], list[str | Path]]:
+    """Logs to fit and to judge by; the bundled pair where none is given to fit."""
+    from ident.log import BUNDLED
+
+    if logs:
+        return list(logs), list(tests or ())
+    fit, test = (BUNDLED.folder / f"youbot_{name}.csv" for name in ("fit", "test"))
+    return [fit], list(tests or [test])
+
+
 def find_logs(words: Sequence[str | Path]) -> list[Path]:
     """Files of a command line: patterns are expanded, folders that are no log are looked into.
 
@@ -187,6 +206,8 @@ def find_logs(words: Sequence[str | Path]) -> list[Path]:
     Raises:
         ValueError: a word that is no file, or a pattern or folder without logs.
     """
+    from ident.log import find_log
+
     files: list[Path] = []
     for word in words:
         path = find_log(word)
@@ -212,6 +233,9 @@ def find_logs(words: Sequence[str | Path]) -> list[Path]:
 
 
 def _is_log(folder: Path) -> bool:
+    from ident.doctor import LogError
+    from ident.loaders import find_loader
+
     try:
         find_loader(folder)
     except LogError:
@@ -279,6 +303,8 @@ def with_own_names(logs: list[Log]) -> list[Log]:
 
 def told_once(logs: list[Log]) -> list[Log]:
     """Logs of which only the first says what would be said of all: the youBot's table was used."""
+    from ident.log import YOUBOT_TABLE
+
     first, told = False, []
     for log in logs:
         kept = tuple(f for f in log.findings if not (first and f.what == YOUBOT_TABLE))
@@ -289,6 +315,8 @@ def told_once(logs: list[Log]) -> list[Log]:
 
 def long_together(logs: list[Log]) -> list[Log]:
     """Logs without the warning that each is short, where they are given with enough others."""
+    from ident.diagnosis.settings import SETTINGS
+
     if sum(log.duration for log in logs) < SETTINGS.least_seconds:
         return logs
     return [replace(log, findings=tuple(f for f in log.findings if f.name != "short"))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ident.workers import spread
 from youbot_cli import console, effect_options
 from youbot_cli.pieces import Pieces
 
@@ -60,6 +59,8 @@ class Parallel:
         Raises:
             ChildProcessError: the process of one piece was killed again and again.
         """
+        from ident.workers import spread
+
         found = {piece.name: self.pieces.find(f"{title}, {piece.name}") for piece in work}
         left = [piece for piece in work if found[piece.name] is None]
         done = sum(piece.weight for piece in work) - sum(piece.weight for piece in left)
