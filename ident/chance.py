@@ -54,7 +54,7 @@ def rank_correlation_chance(a: np.ndarray, b: np.ndarray) -> float:
 
     NaN where one of them is constant: it has no order.
     """
-    first, second = (_ranks(x) for x in (a, b))
+    first, second = (ranks(x) for x in (a, b))
     spread = first.std() * second.std()
     if spread == 0.0:
         return float("nan")
@@ -66,7 +66,7 @@ def rank_correlation_chance(a: np.ndarray, b: np.ndarray) -> float:
     return float(2.0 * student_above(value, freedom))
 
 
-def _ranks(values: np.ndarray) -> np.ndarray:
-    """Ranks (n,) from 1 on; equal values share the mean of theirs."""
+def ranks(values: np.ndarray) -> np.ndarray:
+    """Ranks (n,) of values from 1 on; equal ones share the mean of theirs."""
     _, place, count = np.unique(values, return_inverse=True, return_counts=True)
     return (np.cumsum(count) - (count - 1) / 2)[place]

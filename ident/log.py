@@ -117,6 +117,8 @@ class Log:
             empty where it is one record.
         window: length of the windows in which simulations of it are judged, s; by its duration
             where None.
+        held: whether pose and wheel angles were known before the log was cut, so that they hold
+            through its gaps.
     """
 
     name: str
@@ -139,6 +141,7 @@ class Log:
     source: str = ""
     runs: tuple[tuple[str, float], ...] = ()
     window: float | None = None
+    held: bool = False
 
     def __post_init__(self) -> None:
         count, wheels = len(self.time), len(self.platform.wheels)

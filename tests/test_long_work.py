@@ -224,13 +224,13 @@ def test_models_of_a_robot_are_kept_to_the_last_bit():
 
 
 def test_a_comparison_that_was_stopped_goes_on_and_ends_the_same(tmp_path, monkeypatch, capsys):
-    from youbot_cli import console, evaluate
+    from youbot_cli import console, evaluate, evaluate_robots
 
     options = [
         "--controller", "kinematic", "ppo", "--plant", "analytic", "--reference", "eight",
         "--frequency", "3", "--robots", "1", "--steps", "20", "--jobs", "1", "--no-wrong",
     ]  # fmt: skip
-    monkeypatch.setattr(evaluate.evaluate_robots, "calibrated", known)
+    monkeypatch.setattr(evaluate_robots, "calibrated", known)
     monkeypatch.setattr(evaluate.solver_check, "EXACT_MOTIONS", ())
     monkeypatch.setattr(evaluate, "solver_claims", lambda *runs: [])
     true_runs, calls = evaluate.run_all, []

@@ -13,6 +13,9 @@ class Settings:
     # What a record must offer before anything is named.
     least_seconds: float = 20.0
     least_speed: float = 0.03
+    # Of longer records this much is used, s, in stretches of that length: the liveliest ones. XXX
+    most_seconds: float = 600.0
+    excerpt_seconds: float = 20.0
     # A wheel at its largest torque for more than this share of the time has flat tops.
     most_clipped: float = 0.05
 
@@ -48,6 +51,9 @@ class Settings:
     # --- The table of scores
     # Blocks of each log that are left out in turn: in a calibration log these are its motions.
     table_blocks: int = 4
+    # Memory of the traces that are made at a time, before they are averaged; some times as much is
+    # in use meanwhile.
+    most_bytes: int = 1 << 26
     # Shrinks the coefficients of dependences, which have many.
     ridge: float = 1e-3
     # Share of squared error by which a dependence is plain.

@@ -1,0 +1,110 @@
+"""What of a long record is looked at: the stretches in which most happens, from all of its time.
+
+A record is divided into equal spans, and of each the stretch is kept in which its channels change
+most.  So rests go, and what changes over the hours stays.  Long files are read that way without
+ever being held in memory; records in memory are cut that way where a search would take too much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ident.chance import ranks
+from ident.dead_reckoning import bridged, dead_reckoning, wheel_angles
+from ident.diagnosis.settings import SETTINGS
+from ident.kinematics.ripple import with_phases_of
+from ident.log import CHANNELS, Log
+
+
+def liveliest(changes: np.ndarray) -> int:
+    """Number of the stretch in which most happens.
+
+    Channels count by the rank of a stretch among the others, so that neither units nor the size of
+    a gross error matter.
+
+    Args:
+        changes: (k, c) how much each of c channels changes in each of k stretches; NaN for nothing.
+    """
+    changes = np.nan_to_num(changes, nan=0.0)
+    return int(np.argmax(sum(ranks(channel) for channel in changes.T)))
+
+
+def recorded(log: Log) -> float:
+    """Time, s, that the samples of a log stand for; gaps do not count."""
+    return len(log.time) * log.dt
+
+
+def excerpt(log: Log, seconds: float) -> Log:
+    """The liveliest stretches of a log, or the log itself where it holds no more than ``seconds``.
+
+    Pose and wheel angles are integrated before it is cut, where the log tells none.
+    """
+    if recorded(log) <= seconds:
+        return log
+    known = log.held or bridged(log)
+    if known:
+        pose = dead_reckoning(log) if log.pose is None else log.pose
+        log = replace(log, pose=pose, wheel_angle=wheel_angles(log))
+    stretches = _stretches(log)
+    signals = np.column_stack([log.velocity(), log.command])
+    changes = np.array([signals[a:b].var(axis=0) for a, b in stretches])
+    length = max(b - a for a, b in stretches) * log.dt
+    spans = max(1, int(seconds / length))
+    middle = np.array([0.5 * (a + b) for a, b in stretches]) / len(log.time)
+    span, chosen = np.minimum((middle * spans).astype(int), spans - 1), []
+    for number in np.unique(span):
+        inside = np.flatnonzero(span == number)
+        chosen.append(stretches[inside[liveliest(changes[inside])]])
+    return replace(_kept(log, chosen), held=known)
+
+
+def excerpts(logs: Sequence[Log], tests: Sequence[Log]) -> tuple[list[Log], list[Log]]:
+    """Logs to fit and logs to judge by, each kind cut to ``most_seconds`` of diagnosis together."""
+    groups = [list(logs), list(tests)]
+    whole = [sum(map(recorded, group)) for group in groups]
+    if max(whole) <= SETTINGS.most_seconds:
+        return groups[0], groups[1]
+    # Where encoders do not count angles they are found along all of a record.
+    aligned = [[with_phases_of(logs[0], log) for log in group] for group in groups]
+    aligned[0][0] = logs[0]
+    return tuple(
+        [excerpt(log, SETTINGS.most_seconds * recorded(log) / total) for log in group]
+        for group, total in zip(aligned, whole, strict=True)
+    )
+
+
+def cut_told(before: Sequence[Log], after: Sequence[Log]) -> str:
+    """Say of logs before and after a cut how much is used; empty where all of them is."""
+    whole, used = (sum(map(recorded, logs)) for logs in (before, after))
+    if used >= whole:
+        return ""
+    names = " + ".join(log.name for log in before)
+    return f"; of the {whole:.0f} s of {names} the {used:.0f} s in which most happens were used"
+
+
+def _stretches(log: Log) -> list[tuple[int, int]]:
+    """First row of each stretch and the one after its last; a short piece is one of its own."""
+    wanted, found = SETTINGS.excerpt_seconds / log.dt, []
+    for start, stop in log.spans:
+        edges = np.linspace(start, stop, max(1, int((stop - start) / wanted)) + 1).astype(int)
+        found += list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+    return found
+
+
+def _kept(log: Log, chosen: list[tuple[int, int]]) -> Log:
+    """Some stretches of a log, in order; those that follow each other stay together."""
+    rows = np.concatenate([np.arange(a, b) for a, b in chosen])
+    broken = np.zeros(len(log.time), bool)
+    broken[list(log.starts)] = True
+    follows = np.append(False, np.diff(rows) == 1) & ~broken[rows]
+    values = {
+        name: getattr(log, name)[rows]
+        for name in ("time", *CHANNELS)
+        if getattr(log, name) is not None
+    }
+    there = set(np.unique(log.run_of(values["time"])).tolist())
+    runs = tuple(run for number, run in enumerate(log.runs) if number in there)
+    return replace(log, **values, starts=tuple(np.flatnonzero(~follows).tolist()), runs=runs)
