@@ -53,7 +53,7 @@ class Settings:
     table_blocks: int = 4
     # Memory of the traces that are made at a time, before they are averaged; some times as much is
     # in use meanwhile.
-    most_bytes: int = 1 << 26
+    most_bytes: int = 1 << 25
     # Shrinks the coefficients of dependences, which have many.
     ridge: float = 1e-3
     # Share of squared error by which a dependence is plain.
