@@ -9,27 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from os import PathLike
 
 import numpy as np
 
-from ident.chance import ranks
 from ident.dead_reckoning import bridged, dead_reckoning, wheel_angles
 from ident.diagnosis.settings import SETTINGS
+from ident.doctor.finding import Finding
 from ident.kinematics.ripple import with_phases_of
+from ident.loaders.long_files import MOST_ROWS, liveliest
 from ident.log import CHANNELS, Log
-
-
-def liveliest(changes: np.ndarray) -> int:
-    """Number of the stretch in which most happens.
-
-    Channels count by the rank of a stretch among the others, so that neither units nor the size of
-    a gross error matter.
-
-    Args:
-        changes: (k, c) how much each of c channels changes in each of k stretches; NaN for nothing.
-    """
-    changes = np.nan_to_num(changes, nan=0.0)
-    return int(np.argmax(sum(ranks(channel) for channel in changes.T)))
 
 
 def recorded(log: Log) -> float:
@@ -58,7 +47,17 @@ def excerpt(log: Log, seconds: float) -> Log:
     for number in np.unique(span):
         inside = np.flatnonzero(span == number)
         chosen.append(stretches[inside[liveliest(changes[inside])]])
-    return replace(_kept(log, chosen), held=known)
+    kept = _kept(log, chosen)
+    what = f"{recorded(log):.0f} s are more than are looked at: {recorded(kept):.0f} s are used"
+    remedy = f"of equal parts of the time the {length:.3g} s each in which most happens"
+    finding = Finding("fixed", what, "file", remedy, "excerpt")
+    return replace(kept, held=known, findings=(*log.findings, finding))
+
+
+def load_excerpt(path: str | PathLike, *arguments, **options) -> Log:
+    """``Log.load``, of a long file the liveliest stretches, as its findings say."""
+    log = Log.load(path, *arguments, most_rows=MOST_ROWS, **options)
+    return excerpt(log, SETTINGS.longest_seconds)
 
 
 def excerpts(logs: Sequence[Log], tests: Sequence[Log]) -> tuple[list[Log], list[Log]]:

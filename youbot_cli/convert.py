@@ -45,7 +45,7 @@ def main(
     if out is not None and out.suffix.lower() not in ENDINGS:
         raise ValueError(f"--out {out}: end the name in {' or '.join(ENDINGS)}")
     console.check_results(out, json_file, force=force)
-    read, _ = options.read(load_model("nominal"), logs)
+    read, _ = options.read(load_model("nominal"), logs, whole=True)
     if out is not None and len(read) > 1:
         raise ValueError(f"--out {out} is one file for {len(read)} logs; give --out-dir DIR")
     files = [out] if out_dir is None else [out_dir / f"{log.name}.parquet" for log in read]

@@ -89,13 +89,18 @@ class LogOptions:
     ] = None
 
     def read(
-        self, model: Model, logs: Sequence[str | Path], tests: Sequence[str | Path] = ()
+        self,
+        model: Model,
+        logs: Sequence[str | Path],
+        tests: Sequence[str | Path] = (),
+        whole: bool = False,
     ) -> tuple[list[Log], list[Log]]:
         """Read logs to fit and logs to judge by; a bad one among several is told and left out.
 
         Args:
             model: its platform is that of logs that say nothing, unless an option does.
             logs, tests: files, folders and patterns.
+            whole: read all rows of files however long they are.
 
         Raises:
             ValueError: nothing there, no usable log, or a log given twice.
@@ -110,7 +115,7 @@ class LogOptions:
             files, failed = find_logs(words), []
             for file in files:
                 try:
-                    read.append(self._load(file, given, mapping))
+                    read.append(self._load(file, given, mapping, whole))
                 except LogError as error:
                     failed.append(error)
             if failed and not read:
@@ -143,10 +148,14 @@ class LogOptions:
         given = self.platform is not None or self.lever is not None
         return [used_model(m, logs) if given or m.platform == youbot() else m for m in models]
 
-    def _load(self, file: Path, given: GivenPlatform | None, mapping: dict[str, str]) -> Log:
+    def _load(
+        self, file: Path, given: GivenPlatform | None, mapping: dict[str, str], whole: bool
+    ) -> Log:
+        from ident.excerpt import load_excerpt
         from ident.log import Log
 
-        return Log.load(
+        load = Log.load if whole else load_excerpt
+        return load(
             file,
             given,
             mapping or None,

@@ -15,6 +15,8 @@ class Settings:
     least_speed: float = 0.03
     # Of longer records this much is used, s, in stretches of that length: the liveliest ones. XXX
     most_seconds: float = 600.0
+    # The same for what else is done with a file, which needs less for each second. XXX
+    longest_seconds: float = 1800.0
     excerpt_seconds: float = 20.0
     # A wheel at its largest torque for more than this share of the time has flat tops.
     most_clipped: float = 0.05

@@ -17,11 +17,13 @@ class Loader:
         identifier: short name of the format.
         title: the format in a few words.
         priority: loaders of high priority are asked first; a foreign header before plain CSV.
+        excerpts: whether ``read`` takes ``most_rows`` and keeps the liveliest of more.
     """
 
     identifier: ClassVar[str]
     title: ClassVar[str]
     priority: ClassVar[int] = 0
+    excerpts: ClassVar[bool] = False
 
     def recognises(self, path: Path) -> bool:
         """Tell, from name and first bytes alone, whether ``path`` is of this format."""

@@ -34,6 +34,7 @@ class FtcLoader(DelimitedLoader):
     identifier = "ftc"
     title = "FTC mecanum telemetry (CSV)"
     priority = 10
+    excerpts = False
 
     def recognises(self, path: Path) -> bool:
         """All twelve names stand in the header."""
