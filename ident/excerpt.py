@@ -1,8 +1,9 @@
 """What of a long record is looked at: the stretches in which most happens, from all of its time.
 
-A record is divided into equal spans, and of each the stretch is kept in which its channels change
-most.  So rests go, and what changes over the hours stays.  Long files are read that way without
-ever being held in memory; records in memory are cut that way where a search would take too much.
+A record is divided into equal spans; of each the stretch counts in which its channels change most,
+and the livelier half of those is kept.  So rests go, and what changes over the hours stays.  Long
+files are read that way without ever being held in memory; records in memory are cut that way where
+a search would take too much.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from ident.dead_reckoning import bridged, dead_reckoning, wheel_angles
 from ident.diagnosis.settings import SETTINGS
 from ident.doctor.finding import Finding
 from ident.kinematics.ripple import with_phases_of
-from ident.loaders.long_files import MOST_ROWS, liveliest
+from ident.loaders.long_files import MOST_ROWS, SPANS, livelier, liveliness
 from ident.log import CHANNELS, Log
 
 
@@ -41,15 +42,16 @@ def excerpt(log: Log, seconds: float) -> Log:
     signals = np.column_stack([log.velocity(), log.command])
     changes = np.array([signals[a:b].var(axis=0) for a, b in stretches])
     length = max(b - a for a, b in stretches) * log.dt
-    spans = max(1, int(seconds / length))
+    spans = SPANS * max(1, int(seconds / length))
     middle = np.array([0.5 * (a + b) for a, b in stretches]) / len(log.time)
-    span, chosen = np.minimum((middle * spans).astype(int), spans - 1), []
-    for number in np.unique(span):
-        inside = np.flatnonzero(span == number)
-        chosen.append(stretches[inside[liveliest(changes[inside])]])
-    kept = _kept(log, chosen)
+    span = np.minimum((middle * spans).astype(int), spans - 1)
+    inside = [np.flatnonzero(span == number) for number in np.unique(span)]
+    best = np.array([some[np.argmax(liveliness(changes[some]))] for some in inside])
+    lengths = np.diff(np.array(stretches)[best], axis=1)[:, 0] * log.dt
+    best = best[livelier(changes[best], lengths, seconds)]
+    kept = _kept(log, [stretches[k] for k in best])
     what = f"{recorded(log):.0f} s are more than are looked at: {recorded(kept):.0f} s are used"
-    remedy = f"of equal parts of the time the {length:.3g} s each in which most happens"
+    remedy = f"{length:.3g} s each from all of the time, those in which most happens"
     finding = Finding("fixed", what, "file", remedy, "excerpt")
     return replace(kept, held=known, findings=(*log.findings, finding))
 

@@ -267,6 +267,11 @@ class Log:
         return float(self.time[-1] - self.time[0] - between)
 
     @property
+    def cut(self) -> bool:
+        """Whether it holds stretches of a longer record, see ``ident.excerpt``."""
+        return any(finding.name == "excerpt" for finding in self.findings)
+
+    @property
     def drive(self) -> str:
         """What drives the wheels: ``"torque"`` or ``"voltage"``.
 

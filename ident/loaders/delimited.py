@@ -87,8 +87,7 @@ def _kept(path: Path, most: int) -> Kept | None:
     number, names, separator = _header(text, begins, ends, path, skipped)
     number += _more_headers(table, text, begins[number:], ends[number:], names, separator)
     begin = sum(map(len, lines.splitlines(keepends=True)[:number]))
-    rows = len(ends) - number
-    if rows < 1 or (path.stat().st_size - begin) / ((len(lines) - begin) / rows) <= most:
+    if len(ends) <= number or _lines(path, len(lines) / len(ends), most + number) <= most + number:
         return None
     options = {"has_header": False, "separator": separator, "quote_char": None,
                "infer_schema": False, "ignore_errors": True, "truncate_ragged_lines": True,
@@ -99,6 +98,15 @@ def _kept(path: Path, most: int) -> Kept | None:
         return frame.to_numpy()
 
     return liveliest_lines(path, begin, most, numbers)
+
+
+def _lines(path: Path, length: float, limit: int) -> int:
+    """Lines of a file whose first ones have a mean length; counted where they may pass a limit."""
+    size = path.stat().st_size
+    if size < 0.5 * limit * length:
+        return int(size / length)
+    with path.open("rb") as stream:
+        return sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 24), b""))
 
 
 def _text(path: Path, data: bytes) -> bytes:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ident.loaders.base import Loader, Table, head, refuse
 from ident.loaders.joint_columns import name_joints
-from ident.loaders.long_files import STRETCH, cut_told, liveliest_rows
+from ident.loaders.long_files import cut_told, livelier, liveliest_rows, spans
 from ident.loaders.stamps import find_time
 from ident.remembered import NAMES, recall
 from youbot_env.platform import Platform
@@ -106,13 +106,14 @@ def _liveliest(path: Path, rows: int, most: int) -> tuple[pl.DataFrame, np.ndarr
     """The liveliest stretches of a table, and the numbers of their rows from 1 on."""
     import polars as pl
 
-    scan, kept, lines = pl.scan_parquet(path), [], []
-    edges = np.linspace(0, rows, max(1, most // STRETCH) + 1).astype(int).tolist()
-    for begin, end in pairwise(edges):
+    scan, kept, lines, changes = pl.scan_parquet(path), [], [], []
+    for begin, end in pairwise(np.linspace(0, rows, spans(most) + 1).astype(int).tolist()):
         part = scan.slice(begin, end - begin).collect()
         numbers = part.select(pl.selectors.numeric().cast(pl.Float64))
-        chosen = liveliest_rows(numbers.to_numpy())
+        chosen, changed = liveliest_rows(numbers.to_numpy())
         chosen_rows = np.arange(chosen.start, chosen.stop)
         kept.append(part[chosen_rows])  # a slice would hold all of the part
         lines.append(begin + chosen_rows + 1)
-    return pl.concat(kept), np.concatenate(lines)
+        changes.append(changed)
+    best = livelier(np.array(changes), list(map(len, lines)), most)
+    return pl.concat([kept[k] for k in best]), np.concatenate([lines[k] for k in best])
