@@ -43,6 +43,7 @@ def benchmark(
         typer.Option("--baselines", help="Also PySINDy and SysIdentPy on some of the logs."),
     ] = False,
     jobs: Annotated[int, typer.Option(min=1, max=1024, help="Processes, one thread each.")] = 1,
+    cluster: console.Cluster = None,
     resume: Annotated[
         bool, typer.Option(help="Go on where an earlier run of the same code stopped.")
     ] = True,
@@ -90,7 +91,7 @@ def benchmark(
             raise ValueError(f"{results} holds no finished case of this code; leave out --finished")
     try:
         with console.progress("cases", len(tasks), "cases") as tell:
-            records = run(tasks, store, jobs, tell, resume)
+            records = run(tasks, store, jobs, tell, resume, cluster=cluster)
     except KeyboardInterrupt:
         raise console.Stopped(
             f"stopped; finished cases are kept in {console.shown(results)}: the same command goes "

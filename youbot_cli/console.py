@@ -50,6 +50,14 @@ Seed = Annotated[
     int,
     typer.Option(min=0, max=2**32 - 1, help="Of everything random; equal seeds, equal results."),
 ]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Workers of the Dask cluster there, tcp://HOST:8786, in place of processes of this "
+        "machine; files that are named are read by them too.",
+    ),
+]
 # A terminal that cannot show a character shows another in its place.
 for stream in (sys.stdout, sys.stderr):
     if hasattr(stream, "reconfigure"):

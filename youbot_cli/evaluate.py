@@ -60,6 +60,7 @@ def evaluate(
     jobs: Annotated[
         int, typer.Option(min=0, max=1024, help="Processes at a time; one for each core if left.")
     ] = 0,
+    cluster: console.Cluster = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
     force: console.Force = False,
@@ -92,7 +93,7 @@ def evaluate(
     settings = {"hidden": hidden, "noise": noise, "seed": seed, "log": LOG_SECONDS}
     settings["effects"] = digest([effects])
     pieces = Pieces(place("evaluate", report, json_file), settings)
-    parallel = Parallel(jobs or os.cpu_count() or 1, pieces, effects)
+    parallel = Parallel(jobs or os.cpu_count() or 1, pieces, effects, cluster)
     with pieces:
         subjects = calibrate(plants, counts, hidden, seed, parallel)
         sensors = Sensors() if noise else None

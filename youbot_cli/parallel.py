@@ -35,11 +35,13 @@ class Parallel:
         workers: how many at most.
         pieces: where finished pieces are kept.
         effects: file with effects of one's own that all of them have to know, if any.
+        cluster: address of a Dask scheduler whose workers share it instead, if any.
     """
 
     workers: int
     pieces: Pieces
     effects: Path | None = None
+    cluster: str | None = None
 
     def run(
         self,
@@ -70,7 +72,7 @@ class Parallel:
             names = [f"{title}, {piece.name}" for piece in left]
             prepare = (effect_options.load_effects, (self.effects,))
             workers = max(1, min(self.workers, len(left)))
-            for number, result in spread(calls, names, workers, prepare):
+            for number, result in spread(calls, names, workers, prepare, self.cluster):
                 piece = left[number]
                 found[piece.name] = self.pieces.keep(names[number], pack(result))
                 done += piece.weight

@@ -13,9 +13,9 @@ class Settings:
     # What a record must offer before anything is named.
     least_seconds: float = 20.0
     least_speed: float = 0.03
-    # Of longer records this much is used, s, in stretches of about that length: the liveliest.  Of an
-    # hour of many motions 75, 150, 300, 600 and 1200 s gave the size of a dry friction within 1.1,
-    # 0.6, 0.4, 0.2 and 0.1 %; the smallest size seen of other effects fell up to 300 s and no
+    # Of longer records this much is used, s, in stretches of about that length: the liveliest.  Of
+    # an hour of many motions 75, 150, 300, 600 and 1200 s gave the size of a dry friction within
+    # 1.1, 0.6, 0.4, 0.2 and 0.1 %; the smallest size seen of other effects fell up to 300 s and no
     # further, as what it hides behind is no noise.  600 s take 0.8 GB, and 1200 s twice the time.
     most_seconds: float = 600.0
     # Files are cut to this much, s, before anything is done with them: identification of an hour

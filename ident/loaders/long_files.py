@@ -13,8 +13,8 @@ from ident.chance import ranks
 from ident.doctor.finding import Finding
 from ident.doctor.table import Table
 
-# Of files with more rows so many are read, 50 minutes at 100 Hz, in stretches of that many rows: with
-# 15 columns the doctor takes 0.4 GB for them, and a file of 24 hours has 8.6 million.
+# Of files with more rows so many are read, 50 minutes at 100 Hz, in stretches of that many rows:
+# with 15 columns the doctor takes 0.4 GB for them, and a file of 24 hours has 8.6 million.
 MOST_ROWS, STRETCH = 300_000, 2_000
 # Of so many times as many equal parts of the time as there are to be stretches the livelier ones
 # are kept: a robot that stands half of the day shows as much as one that never does.
