@@ -63,18 +63,22 @@ def load_excerpt(path: str | PathLike, *arguments, **options) -> Log:
 
 
 def excerpts(logs: Sequence[Log], tests: Sequence[Log]) -> tuple[list[Log], list[Log]]:
-    """Logs to fit and logs to judge by, each kind cut to ``most_seconds`` of diagnosis together."""
-    groups = [list(logs), list(tests)]
-    whole = [sum(map(recorded, group)) for group in groups]
-    if max(whole) <= SETTINGS.most_seconds:
-        return groups[0], groups[1]
+    """Logs to fit and logs to judge by, cut to ``most_seconds`` of diagnosis together.
+
+    Short ones are kept whole; what they leave is shared by the others.
+    """
+    everything = [*logs, *tests]
+    if sum(map(recorded, everything)) <= SETTINGS.most_seconds:
+        return list(logs), list(tests)
     # Where encoders do not count angles they are found along all of a record.
-    aligned = [[with_phases_of(logs[0], log) for log in group] for group in groups]
-    aligned[0][0] = logs[0]
-    return tuple(
-        [excerpt(log, SETTINGS.most_seconds * recorded(log) / total) for log in group]
-        for group, total in zip(aligned, whole, strict=True)
-    )
+    first = logs[0]
+    aligned = [first, *(with_phases_of(first, log) for log in everything[1:])]
+    left, kept = SETTINGS.most_seconds, {}
+    for rank, k in enumerate(np.argsort([recorded(log) for log in aligned], kind="stable")):
+        kept[int(k)] = excerpt(aligned[k], left / (len(aligned) - rank))
+        left -= recorded(kept[int(k)])
+    cut = [kept[k] for k in range(len(aligned))]
+    return cut[: len(logs)], cut[len(logs) :]
 
 
 def cut_told(before: Sequence[Log], after: Sequence[Log]) -> str:

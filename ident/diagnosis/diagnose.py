@@ -182,7 +182,7 @@ def diagnose(
         model: platform, known effects and start values.
         test: other records of the same robot, best of other motions.  Their first part helps to
             choose between rivals, their last part has the last word.  Without them windows of the
-            logs, or of many logs whole ones, are kept for that.  Of records that together last
+            logs, or of many logs whole ones, are kept for that.  Of all records that together last
             longer than ``SETTINGS.most_seconds`` the liveliest stretches are used, see
             ``ident.excerpt``; the reason says so.
         seed: of the bootstrap.

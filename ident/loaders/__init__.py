@@ -109,8 +109,8 @@ def read(
     """
     loader = loader or find_loader(path)
     with damage_told(path, f"damaged, or no {loader.title} file", Exception):
-        if most_rows is not None and loader.excerpts:
-            return loader.read(path, platform, most_rows)
+        if most_rows is not None:
+            return loader.read_excerpt(path, platform, most_rows)
         return loader.read(path, platform)
 
 

@@ -17,13 +17,11 @@ class Loader:
         identifier: short name of the format.
         title: the format in a few words.
         priority: loaders of high priority are asked first; a foreign header before plain CSV.
-        excerpts: whether ``read`` takes ``most_rows`` and keeps the liveliest of more.
     """
 
     identifier: ClassVar[str]
     title: ClassVar[str]
     priority: ClassVar[int] = 0
-    excerpts: ClassVar[bool] = False
 
     def recognises(self, path: Path) -> bool:
         """Tell, from name and first bytes alone, whether ``path`` is of this format."""
@@ -36,6 +34,13 @@ class Loader:
             LogError: it is empty, damaged, or not what its name or first bytes promise.
         """
         raise NotImplementedError
+
+    def read_excerpt(self, path: Path, platform: Platform, most_rows: int) -> Table:
+        """Read the liveliest stretches of a file with more rows, see ``long_files``.
+
+        Formats that cannot be read in parts are read as a whole.
+        """
+        return self.read(path, platform)
 
 
 def refuse(source: str | Path, what: str, where: str, remedy: str) -> LogError:

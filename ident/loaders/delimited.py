@@ -32,7 +32,6 @@ class DelimitedLoader(Loader):
     identifier = "csv"
     title = "CSV (comma, semicolon or tab)"
     priority = -10
-    excerpts = True
 
     def recognises(self, path: Path) -> bool:
         """Text, an empty file (refused with its own words), or a name that promises a table."""
@@ -41,13 +40,15 @@ class DelimitedLoader(Loader):
         first = head(path)
         return b"\0" not in first or path.suffix.lower() in (".csv", ".tsv", ".txt")
 
-    def read(self, path: Path, platform: Platform, most_rows: int | None = None) -> Table:
-        """Read all cells as text; the doctor turns them into numbers and names bad ones.
+    def read(self, path: Path, platform: Platform) -> Table:
+        """Read all cells as text; the doctor turns them into numbers and names bad ones."""
+        return self._table(path, platform, None)
 
-        Args:
-            path, platform: see the base class.
-            most_rows: of a file with more the liveliest stretches are read; all of it if left.
-        """
+    def read_excerpt(self, path: Path, platform: Platform, most_rows: int) -> Table:
+        """See the base class."""
+        return self._table(path, platform, most_rows)
+
+    def _table(self, path: Path, platform: Platform, most_rows: int | None) -> Table:
         kept = None if most_rows is None else _kept(path, most_rows)
         data = _text(path, path.read_bytes() if kept is None else kept.data)
         table = parse(data, path)

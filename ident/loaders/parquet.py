@@ -46,19 +46,20 @@ class ParquetLoader(Loader):
 
     identifier = "parquet"
     title = "Parquet"
-    excerpts = True
 
     def recognises(self, path: Path) -> bool:
         """The file says so itself, or its name does."""
         return path.is_file() and (head(path, 4) == b"PAR1" or path.suffix == ".parquet")
 
-    def read(self, path: Path, platform: Platform, most_rows: int | None = None) -> Table:
-        """Read all columns; numbers stay numbers, text goes through the same checks as CSV.
+    def read(self, path: Path, platform: Platform) -> Table:
+        """Read all columns; numbers stay numbers, text goes through the same checks as CSV."""
+        return self._table(path, platform, None)
 
-        Args:
-            path, platform: see the base class.
-            most_rows: of a file with more the liveliest stretches are read; all of it if left.
-        """
+    def read_excerpt(self, path: Path, platform: Platform, most_rows: int) -> Table:
+        """See the base class."""
+        return self._table(path, platform, most_rows)
+
+    def _table(self, path: Path, platform: Platform, most_rows: int | None) -> Table:
         import polars as pl
 
         try:
