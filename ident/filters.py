@@ -8,7 +8,7 @@ velocities would bias the wheel inertia by 11 % at 100 Hz.  Sample times may var
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg.blas import dtbsv  # ty: ignore[import-not-found]
+from scipy.linalg.blas import dtbsv  # ty: ignore[missing-module-member]
 
 # Steps whose lengths differ by less than this share one recursion; a larger spread is jitter.
 UNIFORM = 1e-6

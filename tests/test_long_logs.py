@@ -137,7 +137,8 @@ def test_several_logs_share_what_is_looked_at(whole, monkeypatch):
     short = other.part(0.0, 10.0)
     (first, second), (kept,) = excerpts([whole, other], [short])
     assert 60.0 < recorded(first) + recorded(second) + recorded(kept) <= 80.0
-    assert recorded(first) == pytest.approx(recorded(second), abs=12.0)
+    assert recorded(first) < recorded(whole)
+    assert recorded(second) < recorded(other)
     assert recorded(kept) == recorded(short)
 
 
