@@ -58,7 +58,7 @@ $(VENV)/.base: pyproject.toml constraints.txt | $(BIN)/python
 $(VENV)/.all: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "installing everything (the first time this takes some minutes) ..."
 	$(BIN)/python -m pip install --quiet torch==2.13.0
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[rollers,bags,rl,dev]"
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[rollers,bags,rl,cluster,dev]"
 	@touch $@ $(VENV)/.base
 
 $(VENV)/.docs: pyproject.toml constraints.txt | $(BIN)/python

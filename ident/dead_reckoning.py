@@ -24,9 +24,11 @@ TURNED, SAMPLES = 0.03, 8
 def bridged(log: Log) -> bool:
     """Tell whether what is integrated holds through the whole log.
 
-    It does through gaps that are short, and through those in which the robot stands; not from one
-    run to the next.
+    It does through gaps that are short, through those in which the robot stands, and where it was
+    integrated before the log was cut; not from one run to the next.
     """
+    if log.held:
+        return True
     if len(log.runs) > 1:
         return False
     yaw_rate = log.velocity()[:, 2]

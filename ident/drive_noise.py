@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import null_space
 from scipy.optimize import nnls
-from scipy.signal import lfilter
 
 from ident.contradiction import wheels_agree
+from ident.filters import recursion
 from ident.log import Log
 
 # Lags at which the noise is compared with itself, s; white noise has nothing at any of them.
@@ -53,7 +53,7 @@ class LastingNoise:
         keep = np.exp(-float(np.median(steps)) / self.time)
         white = rng.normal(size=(wheels * windows, length))
         white[:, 1:] *= np.sqrt(1.0 - keep**2)
-        return self.size * lfilter([1.0], [1.0, -keep], white, axis=1).reshape(wheels, -1)
+        return self.size * recursion(white.T, keep)[1:].T.reshape(wheels, -1)
 
 
 NO_NOISE = LastingNoise(0.0, 1.0)

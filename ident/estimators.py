@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
+from ident.chance import fisher_above, student_quantile
 from ident.filters import linear_hold
 from ident.log import Log
 from ident.pooling import MANY_RUNS
@@ -56,7 +56,7 @@ class Estimate:
     @property
     def quantile(self) -> float:
         """Half width of a 95 % interval in standard errors (Student, clusters - 1)."""
-        return float(stats.t.ppf(0.975, max(self.clusters - 1, 1)))
+        return float(student_quantile(0.975, max(self.clusters - 1, 1)))
 
     def combination(self, weights: np.ndarray) -> tuple[float, float]:
         """Value and standard error of ``weights @ parameters``."""
@@ -127,7 +127,7 @@ def durbin_wu_hausman(plain: Estimate, robust: Estimate) -> float:
     correlation = robust.covariance / np.outer(robust.standard_errors, robust.standard_errors)
     statistic = float(scaled @ np.linalg.pinv(correlation, rcond=1e-10) @ scaled)
     count, spare = len(gap), max(robust.clusters - len(gap), 1)
-    return float(stats.f.sf(statistic / count, count, spare))
+    return float(fisher_above(statistic / count, count, spare))
 
 
 def _solve(

@@ -8,7 +8,7 @@ velocities would bias the wheel inertia by 11 % at 100 Hz.  Sample times may var
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.linalg.blas import dtbsv  # ty: ignore[missing-module-member]
 
 # Steps whose lengths differ by less than this share one recursion; a larger spread is jitter.
 UNIFORM = 1e-6
@@ -43,7 +43,7 @@ class FirstOrderFilter:
             (N, ...) filtered samples.
         """
         drive = _scaled(begin, self._before) + _scaled(end, self._after)
-        return _recursion(drive, self.decay, start)
+        return recursion(drive, self.decay, start)
 
     def linear(self, u: np.ndarray, start=0.0) -> np.ndarray:
         """Filter a signal (N, ...) that runs straight from sample to sample (velocities)."""
@@ -89,14 +89,21 @@ def _scaled(u: np.ndarray, factor: np.ndarray | float) -> np.ndarray:
     return u * factor.reshape((-1,) + (1,) * (u.ndim - 1))
 
 
-def _recursion(drive: np.ndarray, decay: np.ndarray | float, start) -> np.ndarray:
-    """Run ``s[k+1] = decay[k] s[k] + drive[k]`` from ``s[0] = start``."""
+def recursion(drive: np.ndarray, decay: np.ndarray | float, start=0.0) -> np.ndarray:
+    """Run ``s[k+1] = decay[k] s[k] + drive[k]`` (N, ...) from ``s[0] = start``: (N + 1, ...)."""
     first = np.broadcast_to(np.asarray(start, float), drive.shape[1:])
     result = np.empty((len(drive) + 1, *drive.shape[1:]))
     result[0] = first
+    if len(drive) == 0:
+        return result
     if np.ndim(decay) == 0:
-        initial = decay * first[None]
-        result[1:] = lfilter([1.0], [1.0, -decay], drive, axis=0, zi=initial)[0]
+        result[1:] = drive
+        result[1:2] += decay * first
+        # Forward substitution in a matrix of two diagonals; scipy.signal takes a second to import.
+        band = np.empty((2, len(drive)), order="F")
+        band[0], band[1] = 1.0, -decay
+        for column in result.reshape(len(result), -1).T:
+            column[1:] = dtbsv(1, band, column[1:], lower=1, diag=1)
     else:
         _varying(drive, decay, result)
     return result

@@ -117,6 +117,8 @@ class Log:
             empty where it is one record.
         window: length of the windows in which simulations of it are judged, s; by its duration
             where None.
+        held: whether pose and wheel angles were known before the log was cut, so that they hold
+            through its gaps.
     """
 
     name: str
@@ -139,6 +141,7 @@ class Log:
     source: str = ""
     runs: tuple[tuple[str, float], ...] = ()
     window: float | None = None
+    held: bool = False
 
     def __post_init__(self) -> None:
         count, wheels = len(self.time), len(self.platform.wheels)
@@ -172,6 +175,7 @@ class Log:
         recording: Iterable[str] = (),
         accept: Iterable[str] = (),
         lever: float | None = None,
+        most_rows: int | None = None,
     ) -> Log:
         """Read a log of any known format; every one passes the doctor.
 
@@ -189,6 +193,8 @@ class Log:
                 (``drive_hold=held``); it goes before what the file declares.
             accept: names of findings that are no reason to refuse the log.
             lever: l + h, m, where it is not that of the wheel table, which is scaled to it.
+            most_rows: of a CSV or Parquet file with more rows so many are read, those in which most
+                happens, and a finding says so; all of them if left.
 
         Raises:
             LogError: the log cannot be used; the message names row, column, value and remedy.
@@ -201,7 +207,7 @@ class Log:
         loader = find_loader(path)  # nothing that is no log, a folder of anything, is hashed
         with ThreadPoolExecutor(1) as pool:  # hashing a large file takes as long as reading it
             digest = pool.submit(_digest, path)
-            table = read(path, youbot() if given is None else given.platform, loader)
+            table = read(path, youbot() if given is None else given.platform, loader, most_rows)
             unknown = given is None and table.platform is None and lever is None
             given = given or GivenPlatform(table.platform or youbot())
             if lever is not None:
@@ -259,6 +265,11 @@ class Log:
         first = np.searchsorted(self.time, [begin for _, begin in self.runs[1:]])
         between = np.sum(self.time[first] - self.time[first - 1]) if len(first) else 0.0
         return float(self.time[-1] - self.time[0] - between)
+
+    @property
+    def cut(self) -> bool:
+        """Whether it holds stretches of a longer record, see ``ident.excerpt``."""
+        return any(finding.name == "excerpt" for finding in self.findings)
 
     @property
     def drive(self) -> str:

@@ -33,6 +33,8 @@ MANY_RUNS = 20
 def as_list(logs: Log | str | PathLike | Sequence[Log | str | PathLike] | None) -> list[Log]:
     """Logs as a list: none, one or several; what is not a log is the file of one.
 
+    Of files that are very long the liveliest stretches are read, see ``ident.excerpt``.
+
     Raises:
         TypeError: neither logs nor files.
         ValueError, OSError: a file that cannot be read as a log.
@@ -46,7 +48,9 @@ def _read(log: Log | str | PathLike) -> Log:
     if isinstance(log, Log):
         return log
     check_kind("log", log, (str, PathLike), "a Log, or the file of one")
-    return Log.load(log)
+    from ident.excerpt import load_excerpt  # which needs what needs this module
+
+    return load_excerpt(log)
 
 
 def pooled(logs: Sequence[Log]) -> list[Log]:

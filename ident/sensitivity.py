@@ -134,7 +134,7 @@ class Linearised:
     @cached_property
     def signals(self) -> Signals:
         """What the laws read, half way through each sample interval, components (W L,)."""
-        return self._signals(self._robot, self._middle, 0.5)
+        return self._signals(self._robot, 0.5)
 
     @cached_property
     def time(self) -> np.ndarray:
@@ -200,14 +200,14 @@ class Linearised:
 
         driven = part_of(model, values, DRIVE)
         torque = self._memo.of(("torque", driven, instruments), delivered)
-        s = self._signals(robot, self._middle, 0.5, ("middle", rolling), ahead)
+        s = self._signals(robot, 0.5, ("middle", rolling), ahead)
         wrench = robot.wrench(torque, s, self._inner(structure, log, model, values), NUMPY)
         placed = (rolling, part_of(model, values, ("inertial",)), tuple(values[:7]))
         inertia = self._memo.of(("inertia", placed), lambda: robot.inertia_at(s))
         acceleration = self._stack(robot.acceleration(wrench, s, inertia))
 
         def outputs() -> np.ndarray:
-            s = self._signals(robot, self._end, 1.0, ("end", rolling), ahead)
+            s = self._signals(robot, 1.0, ("end", rolling), ahead)
             if robot.acting("slip"):
                 robot.wrench(torque, s, rest, NUMPY)
             shown = self._stack(seen_by_sensors(robot, s, self.log))
@@ -242,25 +242,46 @@ class Linearised:
     def _signals(
         self,
         robot: BoundModel,
-        states: np.ndarray,
         share: float,
         key: tuple | None = None,
         ahead: np.ndarray | None = None,
     ) -> Signals:
-        rows, log = self._rows, self.log
-        angle = ()
-        if robot.reads_wheel_angle:
-            angle = (1 - share) * self._angles[rows] + share * self._angles[rows + 1]
-            angle = tuple(angle.T)
-        t = (1 - share) * log.time[rows] + share * log.time[rows + 1] - log.time[0]
-        v = states[:, 3:6] if ahead is None else states[:, 3:6] + ahead
-        v, pose = tuple(v.T), tuple(states[:, :3].T)
+        """What the laws read at a share of each sample interval, ``ahead`` (3,) added to v."""
+        t, v, pose = self._motion(share)
+        angle = self._turned(share) if robot.reads_wheel_angle else ()
+        if ahead is not None:
+            v = tuple(component + more for component, more in zip(v, ahead, strict=True))
         if not (key and robot.acting("kinematics")):
             return robot.signals(t, v, pose, angle, self._commands, NUMPY)
         geometry = self._memo.of(
             key, lambda: robot.signals(t, v, pose, angle, self._commands, NUMPY).geometry
         )
         return robot.signals(t, v, pose, angle, self._commands, NUMPY, geometry)
+
+    def _motion(self, share: float) -> tuple:
+        """Time (W L,), velocities and pose by components (W L,), half way or at the end."""
+        if share not in self._motions:
+            rows, time = self._rows, self.log.time
+            states = np.ascontiguousarray((self._middle if share == 0.5 else self._end)[:, :6].T)
+            t = (1 - share) * time[rows] + share * time[rows + 1] - time[0]
+            self._motions[share] = t, tuple(states[3:]), tuple(states[:3])
+        return self._motions[share]
+
+    def _turned(self, share: float) -> tuple:
+        """Measured wheel angles by wheel (W L,), rad, at a share of each sample interval."""
+        if share not in self._angles_at:
+            rows, angles = self._rows, self._angles
+            angle = (1 - share) * angles[rows] + share * angles[rows + 1]
+            self._angles_at[share] = tuple(np.ascontiguousarray(angle.T))
+        return self._angles_at[share]
+
+    @cached_property
+    def _motions(self) -> dict[float, tuple]:
+        return {}
+
+    @cached_property
+    def _angles_at(self) -> dict[float, tuple]:
+        return {}
 
     @cached_property
     def _commands(self) -> tuple:

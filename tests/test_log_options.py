@@ -220,7 +220,7 @@ def test_models_of_the_youbots_table_follow_the_logs(given, tmp_path):
 
 
 def test_short_logs_that_together_hold_enough_are_not_told_to_be_short(given):
-    log = Log.load(given.FIT)
+    log = Log.load("youbot_fit")
     short = Finding("warning", "the log lasts only 12 s", "file", "record longer", "short")
     parts = [replace(log.part(t, t + 12.0), findings=(short,)) for t in (0.0, 15.0)]
     assert given.long_together(parts[:1]) == parts[:1]
@@ -228,7 +228,7 @@ def test_short_logs_that_together_hold_enough_are_not_told_to_be_short(given):
 
 
 def test_logs_along_one_axis_each_are_not_told_that_another_is_still(given):
-    log = Log.load(given.FIT)
+    log = Log.load("youbot_fit")
 
     def resting(*axes):
         found = [Finding("warning", f"hardly any {axis} motion: 1 mm/s", "whole log", "-", "rest")
@@ -248,7 +248,7 @@ def test_what_many_logs_share_is_said_once(given):
     """Seventy logs with ten findings each, in their own numbers, are seven hundred lines."""
     from ident.report.findings import finding_lines
 
-    log = Log.load(given.FIT)
+    log = Log.load("youbot_fit")
 
     def logs(count):
         made = []

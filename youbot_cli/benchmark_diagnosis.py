@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ident.benchmark.cases import FOREIGN_PLAN, FULL_PLAN, PARTS, QUICK_PLAN, Case
-from ident.benchmark.runner import Task, run
-from ident.benchmark.store import Store, code_version
-from ident.benchmark.summary import summarise
 from youbot_cli import console
+from youbot_cli.names import PARTS
+
+if TYPE_CHECKING:
+    from ident.benchmark.cases import PARTS, Case
+    from ident.benchmark.runner import Task
 
 RESULTS = Path("runs/benchmark_diagnosis.jsonl")
-CONDITIONS = {"own": FULL_PLAN, "foreign": FOREIGN_PLAN}
 BASELINES = ("pysindy", "sysidentpy")
 # Cases of each kind that the baselines get: robots of every effect at full size, quiet robots.
 BASELINE_SEEDS, BASELINE_NOTHING = 3, 30
@@ -43,6 +43,7 @@ def benchmark(
         typer.Option("--baselines", help="Also PySINDy and SysIdentPy on some of the logs."),
     ] = False,
     jobs: Annotated[int, typer.Option(min=1, max=1024, help="Processes, one thread each.")] = 1,
+    cluster: console.Cluster = None,
     resume: Annotated[
         bool, typer.Option(help="Go on where an earlier run of the same code stopped.")
     ] = True,
@@ -67,6 +68,10 @@ def benchmark(
     Finished cases are kept in a file, so a run that was stopped goes on where it was; results of
     other code do not count.  The full run takes hours.
     """
+    from ident.benchmark.runner import run
+    from ident.benchmark.store import Store, code_version
+    from ident.benchmark.summary import summarise
+
     chosen = choose(quick, part, cases, seed, conditions)
     if show:
         console.out.print("\n".join(case.id for case in chosen))
@@ -86,7 +91,7 @@ def benchmark(
             raise ValueError(f"{results} holds no finished case of this code; leave out --finished")
     try:
         with console.progress("cases", len(tasks), "cases") as tell:
-            records = run(tasks, store, jobs, tell, resume)
+            records = run(tasks, store, jobs, tell, resume, cluster=cluster)
     except KeyboardInterrupt:
         raise console.Stopped(
             f"stopped; finished cases are kept in {console.shown(results)}: the same command goes "
@@ -121,12 +126,15 @@ def choose(
     Raises:
         ValueError: unknown conditions, an unknown part, or nothing is left.
     """
+    from ident.benchmark.cases import FOREIGN_PLAN, FULL_PLAN, QUICK_PLAN
+
     for name in parts or ():
         if name not in PARTS:
             raise ValueError(f"--part {name}: choose one of {', '.join(PARTS)}")
-    if conditions not in CONDITIONS:
-        raise ValueError(f"--conditions {conditions}: choose one of {', '.join(CONDITIONS)}")
-    plan = CONDITIONS[conditions]
+    plans = {"own": FULL_PLAN, "foreign": FOREIGN_PLAN}
+    if conditions not in plans:
+        raise ValueError(f"--conditions {conditions}: choose one of {', '.join(plans)}")
+    plan = plans[conditions]
     if quick:
         plan = replace(QUICK_PLAN, foreign=plan.foreign)
     left = [case for case in plan.cases(seed) if not parts or case.part in parts]

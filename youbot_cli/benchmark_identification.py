@@ -6,28 +6,18 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-from scipy import stats
 
-from ident.benchmark.cases import Case as HiddenCase
-from ident.benchmark.cases import record_case
-from ident.benchmark.hidden import EFFECTS
-from ident.benchmark.robots import draw_robots
-from ident.consistency import lump_weights
-from ident.identification import identify
-from ident.log import Log
-from ident.recursive import RecursiveLeastSquares
 from youbot_cli import console
-from youbot_env.measurement import instruments
-from youbot_env.model import Model
-from youbot_env.model_file import load_model
-from youbot_env.references import calibration_sequence
-from youbot_env.simulation import ROWS, Sensors, record_closed_loop
+from youbot_cli.names import HOLDS
 
-HOLDS = (*ROWS, "held")
+if TYPE_CHECKING:
+    from ident.benchmark.cases import Case as HiddenCase
+    from ident.log import Log
+    from youbot_env.model import Model
+
 LOOP_RATE = 1000.0  # Hz
 SLOWEST_LOOPS = 25.0  # Hz; below it loops that run at the log's rate go unstable
 OFFSETS = (-30.0, 30.0)  # ms
@@ -151,6 +141,9 @@ def benchmark_foreign(robots: int, seed: int, json: Path | None) -> None:
 
 def foreign_cases(kind: str, robots: int, seed: int) -> list[HiddenCase]:
     """Cases of one kind; the effects of the library take turns."""
+    from ident.benchmark.cases import Case as HiddenCase
+    from ident.benchmark.hidden import EFFECTS
+
     part = KINDS[kind]
     hidden = [(EFFECTS[k % len(EFFECTS)],) if part == "single" else () for k in range(robots)]
     return [HiddenCase(part, one, 1.0, k, seed, foreign=True) for k, one in enumerate(hidden)]
@@ -158,6 +151,13 @@ def foreign_cases(kind: str, robots: int, seed: int) -> list[HiddenCase]:
 
 def base_answers(case: HiddenCase) -> list[dict]:
     """Of every base parameter and lump of one robot: its interval and whether that holds."""
+    import numpy as np
+
+    from ident.benchmark.cases import record_case
+    from ident.consistency import lump_weights
+    from ident.identification import identify
+    from youbot_env.model_file import load_model
+
     recorded, nominal = record_case(case), load_model("nominal")
     tests = [recorded.verify] if recorded.conditions.second else []
     try:
@@ -189,6 +189,8 @@ def shared_by_wheels(truth: Model) -> Model:
     A wheel of less friction lowers the mean that mu1 is; drives that deliver more than they report
     make a robot lighter in the units of its torques.
     """
+    import numpy as np
+
     means = {
         active.identifier: float(np.mean(list(active.values.values())))
         for active in truth.effects
@@ -202,6 +204,8 @@ def shared_by_wheels(truth: Model) -> Model:
 
 def summary(answers: list[dict]) -> dict:
     """Figures of one kind of robot, percent."""
+    import numpy as np
+
     given = [one for one in answers if one.get("given")]
     lumps = [one["holds"] for one in given if one["lump"]]
     return {
@@ -249,6 +253,12 @@ def chosen_cases(
 
 def run_case(robots: int, seconds: float, case: Case, seed: int, show: Callable) -> dict:
     """Identify every robot of one case; coverage, median error and bias of the lumps, percent."""
+    import numpy as np
+
+    from ident.benchmark.robots import draw_robots
+    from ident.consistency import lump_weights
+    from youbot_env.model_file import load_model
+
     nominal, truths = load_model("nominal"), draw_robots(robots, seed)
     weights = {lump: row for lump, (row, _) in lump_weights(nominal).items()}
     inside, error = ({m: {lump: [] for lump in weights} for m in METHODS} for _ in range(2))
@@ -276,6 +286,13 @@ def run_case(robots: int, seconds: float, case: Case, seed: int, show: Callable)
 
 def record(truth: Model, seconds: float, case: Case, seed: int) -> Log:
     """Record calibration motions I, III, II, IV with the sensors' noise."""
+    import numpy as np
+
+    from ident.log import Log
+    from youbot_env.measurement import instruments
+    from youbot_env.references import calibration_sequence
+    from youbot_env.simulation import Sensors, record_closed_loop
+
     count = round(seconds * case.rate)
     jitter = case.jitter * np.random.default_rng(seed).uniform(-0.5, 0.5, count)
     times = (np.arange(count) + jitter) / case.rate
@@ -290,17 +307,28 @@ def record(truth: Model, seconds: float, case: Case, seed: int) -> Log:
 
 def estimates(log: Log, nominal: Model) -> dict:
     """(values, covariance, quantile) by method; the last with the intervals of white residuals."""
+    import numpy as np
+    from scipy.special import ndtri
+
+    from ident.identification import identify
+
     result = identify(log, nominal)
     found = {e.method: (e.values, e.covariance, e.quantile) for e in result.estimates.values()}
     plain, regression = result.estimates[METHODS[1]], result.regression
     H, _ = regression.rows
     residual = regression.residual(plain.values).ravel()
     white = np.linalg.inv(H.T @ H) * (residual @ residual) / (len(residual) - H.shape[1])
-    return found | {METHODS[2]: (plain.values, white, float(stats.norm.ppf(0.975)))}
+    return found | {METHODS[2]: (plain.values, white, float(ndtri(0.975)))}
 
 
 def speed(seed: int) -> dict[str, float]:
     """Seconds of a complete fit of 140 s at 1 kHz, and samples a second of the recursive form."""
+    import numpy as np
+
+    from ident.identification import identify
+    from ident.recursive import RecursiveLeastSquares
+    from youbot_env.model_file import load_model
+
     nominal = load_model("nominal")
     log = record(load_model("paper"), 140.0, Case(1000.0), seed)
     times = []

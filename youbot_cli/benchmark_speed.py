@@ -5,14 +5,9 @@ from __future__ import annotations
 import time
 from typing import Annotated
 
-import gymnasium as gym
-import numpy as np
 import typer
 
-import youbot_env
 from youbot_cli import console
-
-gym.register_envs(youbot_env)
 
 ROUNDS = 40
 
@@ -29,6 +24,12 @@ def benchmark(
     force: console.Force = False,
 ) -> None:
     """Measure steps a second; turns are short, so a busy machine slows both rivals alike."""
+    import gymnasium as gym
+
+    import youbot_env
+
+    gym.register_envs(youbot_env)
+
     console.check_results(json, force=force)
     result = {}
     with console.progress("rounds", 2 * rounds) as show:
@@ -49,6 +50,8 @@ def benchmark(
 
 def race(envs: list, steps: int, copies: int, rounds: int, seed: int, show) -> dict[str, float]:
     """Median ratio of the first environment's speed to the second's, and both speeds, 1/s."""
+    import numpy as np
+
     for env in envs:
         env.action_space.seed(seed)
         env.reset(seed=seed)

@@ -6,26 +6,25 @@ import math
 import warnings
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ident.kinematics import Drift, KinematicCalibration, calibrate_kinematics
-from ident.log import Log
-from ident.report.findings import accepted, finding_lines, findings_json
 from youbot_cli import console
 from youbot_cli.log_options import (
-    FIT,
     SEVERAL,
-    TEST,
     LogOptions,
     Logs,
     Tests,
     digests,
+    or_bundled,
     reads_logs,
     used_model,
 )
-from youbot_env.model_file import load_model, save_model
+
+if TYPE_CHECKING:
+    from ident.kinematics import Drift, KinematicCalibration
+    from ident.log import Log
 
 # What a table shows in place of a unit that no one thinks in.
 SHOWN = {"m": (1e3, "mm"), "rad": (180 / math.pi, "deg"), "s": (1e3, "ms"), "": (1.0, "")}
@@ -63,12 +62,15 @@ def main(
     one calibration; each may have a pose frame of its own. Nothing in it is random: equal logs give
     equal results.
     """
+    from ident.kinematics import calibrate_kinematics
+    from ident.report.findings import accepted, findings_json
+    from youbot_env.model_file import load_model, save_model
+
     console.check_results(out, json_file, force=force)
-    if not logs:
-        logs, test = [FIT], test or [TEST]
+    logs, test = or_bundled(logs, test)
     before = load_model(model)
     with console.progress("calibrating", 3, "steps") as show:
-        measured, tests = options.read(before, logs, test or ())
+        measured, tests = options.read(before, logs, test)
         before = used_model(before, measured)
         show(2)
         with warnings.catch_warnings():
@@ -95,6 +97,8 @@ def main(
 
 def tell(result: KinematicCalibration, logs: list[Log], out: Path | None) -> None:
     """Say what was found: the numbers, what they are worth, and what they leave open."""
+    from ident.report.findings import finding_lines
+
     console.table("Motion over what nominal odometry says", HEADS, rows(result.gains))
     console.out.print()
     title = "Kinematics, beyond finite rollers" if result.finite_rollers else "Kinematics"

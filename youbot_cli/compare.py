@@ -4,36 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
-from ident.comparison import Beside, Standing, beside, compare, rank
-from ident.disagreement import with_disagreements
-from ident.log import Log
-from ident.recording_words import in_words
-from ident.report.compare import comparison_page
-from ident.report.compare_words import (
-    BESIDE,
-    FREE_RUN_HEAD,
-    WHERE_HEAD,
-    beside_table,
-    equation_head,
-    equation_rows,
-    failing,
-    free_run_rows,
-    harmonic_rows,
-    note,
-    stretch_rows,
-    verdict,
-    where_rows,
-)
-from ident.report.findings import accepted, finding_lines, findings_json
 from youbot_cli import console, effect_options
-from youbot_cli.log_options import SEVERAL, TEST, LogOptions, Logs, digests, one_or_all, reads_logs
-from youbot_env.model import Model
-from youbot_env.model_file import find_model, load_model
+from youbot_cli.log_options import SEVERAL, LogOptions, Logs, digests, one_or_all, reads_logs
+
+if TYPE_CHECKING:
+    from ident.comparison import Beside, Standing
+    from ident.log import Log
+    from youbot_env.model import Model
 
 DEFAULT = ("nominal", "identified")
 SHOWN = 10
@@ -78,11 +59,21 @@ def main(
     Free run: velocities simulated from the measured drive input alone, in windows.  Equation: what
     the filtered equations of motion leave of the measured forces.
     """
+    import numpy as np
+
+    from ident.comparison import beside, compare, rank
+    from ident.disagreement import with_disagreements
+    from ident.log import BUNDLED
+    from ident.report.compare import comparison_page
+    from ident.report.findings import accepted, findings_json
+
     effect_options.load_effects(effects)
     page_file = None if report is None else report / "index.html"
     console.check_results(json_file, page_file, force=force)
     models = read_models(model or DEFAULT)
-    given, tests = options.read(models[0], logs or ([] if test else [TEST]), test or ())
+    given, tests = options.read(
+        models[0], logs or ([] if test else [BUNDLED.folder / "youbot_test.csv"]), test or ()
+    )
     records = tests or given
     models = options.used_models(models, records)
     steps = len(models) + (report is not None)
@@ -121,6 +112,8 @@ def read_models(words: tuple[str, ...] | list[str]) -> list[Model]:
     Raises:
         ValueError: a word that is no model file, or a model given twice.
     """
+    from youbot_env.model_file import find_model, load_model
+
     files: list[Path] = []
     for word in words:
         if Path(word).suffix not in MODEL_FILES and Path(word).exists():
@@ -154,6 +147,24 @@ def tell(
     standings: list[Standing], logs: list[Log], fitted: Beside | None, page: Path | None
 ) -> None:
     """Say what was found: the verdict, then errors, then where and when they are."""
+    from ident.recording_words import in_words
+    from ident.report.compare_words import (
+        BESIDE,
+        FREE_RUN_HEAD,
+        WHERE_HEAD,
+        beside_table,
+        equation_head,
+        equation_rows,
+        failing,
+        free_run_rows,
+        harmonic_rows,
+        note,
+        stretch_rows,
+        verdict,
+        where_rows,
+    )
+    from ident.report.findings import finding_lines
+
     best = standings[0].comparison
     console.out.print(verdict(standings), style="bold", soft_wrap=True)
     console.out.print(failing(best), soft_wrap=True)

@@ -23,7 +23,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 import typer.core
 from rich.console import Console
@@ -31,8 +30,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from youbot_cli.origins import check_replaceable
-from youbot_env import __version__
-from youbot_env.model_file import MODELS, write_atomically
 
 ROOT = Path(__file__).resolve().parent.parent
 FAULT, STOPPED = 3, 130
@@ -52,6 +49,14 @@ Force = Annotated[bool, typer.Option("--force", help="Replace files that another
 Seed = Annotated[
     int,
     typer.Option(min=0, max=2**32 - 1, help="Of everything random; equal seeds, equal results."),
+]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Workers of the Dask cluster there, tcp://HOST:8786, in place of processes of this "
+        "machine; files that are named are read by them too.",
+    ),
 ]
 # A terminal that cannot show a character shows another in its place.
 for stream in (sys.stdout, sys.stderr):
@@ -207,6 +212,7 @@ def _named(path: Path) -> int:
 def _by_name() -> list[Path]:
     """Files that words of the command line mean as names of models and logs."""
     from ident.log import BUNDLED  # takes a while, and is asked of results that exist
+    from youbot_env.model_file import MODELS
 
     found = []
     for before, word in zip(sys.argv, sys.argv[1:], strict=False):
@@ -231,6 +237,8 @@ def _named_as_result(path: Path) -> int:
 
 def write_json(path: Path | None, data: dict) -> None:
     """Write results for programs, whole or not at all; numbers that are not finite become null."""
+    from youbot_env.model_file import write_atomically
+
     if path is not None:
         write_atomically(path, json.dumps(_plain(data), indent=2, allow_nan=False) + "\n")
 
@@ -245,6 +253,8 @@ def provenance(
         logs: SHA-256 of the logs it rests on, by name.
         command: command line, where the true one says more than it should.
     """
+    from youbot_env import __version__
+
     used = {name: version(name.replace("_", "-")) for name in VERSIONED if name in sys.modules}
     return {
         "command": command or command_line(),
@@ -399,6 +409,8 @@ def _git_commit() -> str | None:
 
 def _plain(value: Any) -> Any:
     """The value in types that JSON has."""
+    import numpy as np
+
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

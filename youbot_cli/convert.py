@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ident.log import Log
-from ident.remembered import remember
-from ident.report.findings import finding_lines, findings_json
 from youbot_cli import console
 from youbot_cli.log_options import LogOptions, reads_logs
-from youbot_env.model_file import load_model
+
+if TYPE_CHECKING:
+    from ident.log import Log
 
 ENDINGS = (".csv", ".parquet")
 
@@ -39,12 +38,14 @@ def main(
     The files are in SI units and paper signs, and remember the robot, how they were recorded and
     what was put right.
     """
+    from youbot_env.model_file import load_model
+
     if (out is None) == (out_dir is None):
         raise ValueError("give --out FILE for one log, or --out-dir DIR for any number")
     if out is not None and out.suffix.lower() not in ENDINGS:
         raise ValueError(f"--out {out}: end the name in {' or '.join(ENDINGS)}")
     console.check_results(out, json_file, force=force)
-    read, _ = options.read(load_model("nominal"), logs)
+    read, _ = options.read(load_model("nominal"), logs, whole=True)
     if out is not None and len(read) > 1:
         raise ValueError(f"--out {out} is one file for {len(read)} logs; give --out-dir DIR")
     files = [out] if out_dir is None else [out_dir / f"{log.name}.parquet" for log in read]
@@ -55,6 +56,9 @@ def main(
 
 def write(log: Log, file: Path, options: LogOptions) -> dict:
     """Write one log and say so; returns what JSON shows."""
+    from ident.remembered import remember
+    from ident.report.findings import finding_lines, findings_json
+
     made = f"from {log.source}, SHA-256 {log.digest}, by {console.command_line()}"
     log.save(file, remember(log, made, options.accept or ()))
     console.out.print(f"{console.shown(file)}: {log}", soft_wrap=True)

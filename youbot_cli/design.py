@@ -5,19 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ident.design import Design, Experiment, Limits, design_motion, quantities, simulate
-from ident.sequential import CALIBRATION
 from youbot_cli import console, effect_options
-from youbot_env.model_file import load_model
-from youbot_env.parameters import UNITS
-from youbot_env.references import save_motion
+from youbot_cli.names import ACCELERATION, TORQUE, YAW_ACCELERATION, YAW_RATE
 
-DEFAULTS = Limits()
-SHOWN = (*UNITS, "x1+x3", "x2+x3")
+if TYPE_CHECKING:
+    from ident.design import Design, Experiment
 
 
 def design(
@@ -32,14 +28,12 @@ def design(
     ] = "m0",
     seconds: Annotated[float, typer.Option(max=3600, help="Length of the experiment, s.")] = 60.0,
     speed: Annotated[float, typer.Option(help="Limit of the centre's speed, m/s.")] = 0.3,
-    yaw_rate: Annotated[float, typer.Option(help="Limit, rad/s.")] = DEFAULTS.yaw_rate,
+    yaw_rate: Annotated[float, typer.Option(help="Limit, rad/s.")] = YAW_RATE,
     acceleration: Annotated[
         float, typer.Option(help="Limit of the centre's acceleration, m/s^2.")
-    ] = DEFAULTS.acceleration,
-    yaw_acceleration: Annotated[
-        float, typer.Option(help="Limit, rad/s^2.")
-    ] = DEFAULTS.yaw_acceleration,
-    torque: Annotated[float, typer.Option(help="Limit of each wheel, N m.")] = DEFAULTS.torque,
+    ] = ACCELERATION,
+    yaw_acceleration: Annotated[float, typer.Option(help="Limit, rad/s^2.")] = YAW_ACCELERATION,
+    torque: Annotated[float, typer.Option(help="Limit of each wheel, N m.")] = TORQUE,
     model: Annotated[
         str, typer.Option(help="Robot that is expected: model file, nominal or paper.")
     ] = "nominal",
@@ -63,6 +57,10 @@ def design(
     small.  Beside it stand the paper's motions I-IV at their best base frequencies, at equal time
     and limits.  Both are checked by simulated experiments with wheel loops and noisy sensors.
     """
+    from ident.design import Limits, design_motion
+    from youbot_env.model_file import load_model
+    from youbot_env.references import save_motion
+
     effect_options.load_effects(effects)
     if motion_file.suffix.lower() not in (".yaml", ".yml"):
         raise ValueError(f"--out {motion_file}: motions are written as YAML; end the name in .yaml")
@@ -88,6 +86,8 @@ def design(
 
 def simulated(found: Design, runs: int, seed: int) -> dict[str, Experiment]:
     """Experiments with motions I-IV and with the designed one; empty for no runs."""
+    from ident.design import simulate
+
     references = {"calibration": found.calibration.reference, "designed": found.motion}
     checks = {}
     for number, (name, reference) in enumerate(references.items() if runs else ()):
@@ -100,6 +100,8 @@ def simulated(found: Design, runs: int, seed: int) -> dict[str, Experiment]:
 
 def compared(found: Design, checks: dict[str, Experiment]) -> dict[str, dict]:
     """Half widths of 95 % intervals by quantity: expected, and from the scatter of experiments."""
+    from ident.design import quantities
+
     expected, paper = found.expected(), found.expected_calibration()
     scatter = {name: check.scatter() for name, check in checks.items()}
     rows = {}
@@ -124,17 +126,21 @@ def used(found: Design) -> dict[str, float]:
 
 def frequencies(found: Design) -> dict[str, float]:
     """Base frequency of each of the motions I-IV, rad/s."""
+    from ident.sequential import CALIBRATION
+
     return dict(zip(CALIBRATION, found.calibration.frequencies, strict=True))
 
 
 def report(found: Design, rows: dict[str, dict], runs: int, path: Path) -> None:
     """Print the comparison, how the limits are used, and what to do next."""
+    from youbot_env.parameters import UNITS
+
     heads = ["95 %: +-", "unit", "I-IV", "designed", "ratio"]
     keys = ["unit", "calibration", "designed", "ratio"]
     if runs:
         heads += ["I-IV sim.", "designed sim.", "ratio sim."]
         keys += ["simulated_calibration", "simulated_designed", "simulated_ratio"]
-    names = [*SHOWN, *([found.target] if found.target in rows else [])]
+    names = [*UNITS, "x1+x3", "x2+x3", *([found.target] if found.target in rows else [])]
     shown = [(name, *(rows[name][key] for key in keys)) for name in dict.fromkeys(names)]
     console.table("", heads, shown)
     shares = [f"{name.replace('_', ' ')} {100 * v:.0f} %" for name, v in used(found).items()]

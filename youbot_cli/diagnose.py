@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ident.diagnosis.diagnose import Diagnosis, diagnose
-from ident.disagreement import with_disagreements
-from ident.recording_words import in_words
-from ident.report.diagnose import UNTRIED, diagnosis_page, untried_lines
-from ident.report.findings import accepted, finding_lines, findings_json
 from youbot_cli import console, effect_options
 from youbot_cli.log_options import (
-    FIT,
     SEVERAL,
-    TEST,
     LogOptions,
     Logs,
     Tests,
     digests,
     one_or_all,
+    or_bundled,
     reads_logs,
     used_model,
 )
-from youbot_env.model_file import load_model
+
+if TYPE_CHECKING:
+    from ident.diagnosis.diagnose import Diagnosis
 
 SHOWN = 8
 
@@ -48,13 +44,18 @@ def main(
     options: LogOptions,
 ) -> None:
     """Name the physical effect that a model is missing, or say that none is or one cannot say."""
+    from ident.diagnosis.diagnose import diagnose
+    from ident.disagreement import with_disagreements
+    from ident.report.diagnose import diagnosis_page
+    from ident.report.findings import accepted, finding_lines, findings_json
+    from youbot_env.model_file import load_model
+
     page_file = None if report is None else report / "index.html"
     console.check_results(json_file, page_file, force=force)
-    if not logs:
-        logs, test = [FIT], test or [TEST]
+    logs, test = or_bundled(logs, test)
     effect_options.load_effects(effects)
     start = load_model(model)
-    records, tests = options.read(start, logs, test or ())
+    records, tests = options.read(start, logs, test)
     everything, held = (*records, *tests), one_or_all(tests)
     start = used_model(start, records)
     with console.stages("reading") as tell:
@@ -72,6 +73,9 @@ def main(
 
 def show(found: Diagnosis) -> None:
     """Print the verdict, sizes and what else was tried."""
+    from ident.recording_words import in_words
+    from ident.report.diagnose import UNTRIED, untried_lines
+
     console.out.print(f"{found.verdict.replace('_', ' ')}: {found.reason}")
     console.section("How the logs were recorded", in_words(found.recording))
     console.out.print()

@@ -9,8 +9,6 @@ from typing import Annotated
 import typer
 
 from youbot_cli import console
-from youbot_env.effects import get_effect
-from youbot_env.effects_file import load_effects_file
 
 Effects = Annotated[
     list[str] | None,
@@ -39,6 +37,8 @@ def parse_effects(arguments: Iterable[str] | None) -> dict[str, dict[str, float]
     Raises:
         ValueError: an unknown effect, a value that is not a number, or something given twice.
     """
+    from youbot_env.effects import get_effect
+
     effects: dict[str, dict[str, float] | None] = {}
     for argument in arguments or ():
         place, given, text = argument.partition("=")
@@ -72,6 +72,8 @@ def load_effects(path: Path | None) -> tuple[str, ...]:
     Raises:
         ValueError: what is wrong with the file.
     """
+    from youbot_env.effects_file import load_effects_file
+
     try:
         return () if path is None else load_effects_file(path)
     except ValueError as error:

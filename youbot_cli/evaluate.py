@@ -5,24 +5,21 @@ from __future__ import annotations
 import os
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from controllers import controller_names, find, make
-from controllers.evaluation import solver_check, tornado
-from controllers.evaluation.claims import claims, solver_claims
-from controllers.evaluation.motions import FREQUENCIES, REFERENCES
-from controllers.evaluation.plan import Block, default_blocks, make_jobs, weight
-from controllers.evaluation.results import Results
-from controllers.evaluation.run import Run, run_all
-from controllers.evaluation.subjects import MODELS, PLANTS, Subject, draw_subjects
-from youbot_cli import console, effect_options, evaluate_robots
-from youbot_cli.evaluate_tables import error_rows, gap_rows, tell
+from youbot_cli import console, effect_options
+from youbot_cli.names import FOLLOWED
 from youbot_cli.parallel import Parallel, Piece
 from youbot_cli.pieces import Pieces, digest, place
-from youbot_env.model_file import load_model, write_atomically
-from youbot_env.simulation import Sensors
+
+if TYPE_CHECKING:
+    from controllers.evaluation import tornado
+    from controllers.evaluation.plan import Block
+    from controllers.evaluation.run import Run
+    from controllers.evaluation.subjects import Subject
+    from youbot_env.simulation import Sensors
 
 # What is hidden in every robot, in the middle of the population.
 HIDDEN = {"wheel_coulomb_friction": 0.2, "yaw_scrub_friction": 2.0, "actuator_delay": 0.015}
@@ -35,7 +32,7 @@ def evaluate(
         list[str] | None, typer.Option(help="Name; several may follow; all of them if left.")
     ] = None,
     reference: Annotated[
-        list[str] | None, typer.Option(help=f"{', '.join(REFERENCES)}; several may follow.")
+        list[str] | None, typer.Option(help=f"{', '.join(FOLLOWED)}; several may follow.")
     ] = None,
     frequency: Annotated[
         list[float] | None, typer.Option(help="Base frequency, rad/s; several may follow.")
@@ -63,6 +60,7 @@ def evaluate(
     jobs: Annotated[
         int, typer.Option(min=0, max=1024, help="Processes at a time; one for each core if left.")
     ] = 0,
+    cluster: console.Cluster = None,
     seed: console.Seed = 0,
     json_file: console.Json = None,
     force: console.Force = False,
@@ -79,6 +77,12 @@ def evaluate(
     with --controller, --reference or --frequency all combinations.  Finished pieces are kept until
     all is done: a run that was stopped goes on where it was when it is called again.
     """
+    from controllers.evaluation.claims import claims, solver_claims
+    from controllers.evaluation.results import Results
+    from youbot_cli.evaluate_tables import error_rows, gap_rows, tell
+    from youbot_env.model_file import write_atomically
+    from youbot_env.simulation import Sensors
+
     page_file = None if report is None else report / "index.html"
     console.check_results(json_file, page_file, force=force)
     effect_options.load_effects(effects)
@@ -89,7 +93,7 @@ def evaluate(
     settings = {"hidden": hidden, "noise": noise, "seed": seed, "log": LOG_SECONDS}
     settings["effects"] = digest([effects])
     pieces = Pieces(place("evaluate", report, json_file), settings)
-    parallel = Parallel(jobs or os.cpu_count() or 1, pieces, effects)
+    parallel = Parallel(jobs or os.cpu_count() or 1, pieces, effects, cluster)
     with pieces:
         subjects = calibrate(plants, counts, hidden, seed, parallel)
         sensors = Sensors() if noise else None
@@ -131,12 +135,17 @@ def chosen(controllers, references, frequencies, plants) -> tuple[list[Block], d
     Raises:
         ValueError: an unknown name, or a controller asked for by name that cannot be made.
     """
+    from controllers import controller_names, find, make
+    from controllers.evaluation.motions import FREQUENCIES
+    from controllers.evaluation.plan import Block, default_blocks
+    from controllers.evaluation.subjects import MODELS, PLANTS
+
     for name in plants or ():
         if name not in PLANTS:
             raise ValueError(f"--plant {name}: choose from {', '.join(PLANTS)}")
     for name in references or ():
-        if name not in REFERENCES:
-            raise ValueError(f"--reference {name}: choose from {', '.join(REFERENCES)}")
+        if name not in FOLLOWED:
+            raise ValueError(f"--reference {name}: choose from {', '.join(FOLLOWED)}")
     for w in frequencies or ():
         if not 0.05 <= w <= 10:
             raise ValueError(f"--frequency {w:g}: give 0.05 to 10 rad/s")
@@ -153,8 +162,8 @@ def chosen(controllers, references, frequencies, plants) -> tuple[list[Block], d
     usable = tuple(name for name in usable if name not in skipped)
     where = tuple(dict.fromkeys(plants or PLANTS))
     if not (controllers or references or frequencies):
-        return default_blocks(usable, REFERENCES, where), skipped
-    followed = tuple(dict.fromkeys(references or REFERENCES))
+        return default_blocks(usable, FOLLOWED, where), skipped
+    followed = tuple(dict.fromkeys(references or FOLLOWED))
     at = tuple(sorted(set(frequencies or FREQUENCIES)))
     return [Block(name, usable, MODELS, followed, at) for name in where], skipped
 
@@ -180,6 +189,10 @@ def calibrate(
     plants: list[str], counts: dict, hidden: dict, seed: int, parallel: Parallel
 ) -> dict[str, list[Subject]]:
     """Robots of each plant with their identified models."""
+    from controllers.evaluation.subjects import draw_subjects
+    from youbot_cli import evaluate_robots
+    from youbot_env.model_file import load_model
+
     drawn = [
         subject
         for plant in plants
@@ -201,6 +214,9 @@ def drive(
     blocks: list[Block], counts: dict, subjects: dict, sensors: Sensors | None, parallel: Parallel
 ) -> list[Run]:
     """All runs of all blocks."""
+    from controllers.evaluation.plan import make_jobs, weight
+    from controllers.evaluation.run import Run, run_all
+
     work = [
         Piece(
             f"{j.plant} {j.robot}, {j.controller}, {j.model}: {j.motions}",
@@ -223,6 +239,8 @@ def wrong_beliefs(
     subjects: dict, sensors: Sensors | None, parallel: Parallel
 ) -> list[tornado.Cost]:
     """Costs of wrong parameters and missing effects, on the first plant."""
+    from controllers.evaluation import tornado
+
     asked = next(iter(subjects.values()))[:TORNADO_ROBOTS]
     work = [Piece(f"{s.plant} {s.number}", tornado.errors, (s, sensors)) for s in asked]
     found = parallel.run(
@@ -236,6 +254,8 @@ def wrong_beliefs(
 
 def solver_runs(subject: Subject, steps: int, pieces: Pieces) -> dict[str, Any]:
     """Predictive control under stress and beside IPOPT; nothing else runs meanwhile."""
+    from controllers.evaluation import solver_check
+
     with console.progress("predictive control", steps, "periods") as show:
         endurance = pieces.once(
             f"endurance {subject.plant}, {steps} steps",

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from controllers import make
-from controllers.rl_policy import Policy, find_policy, shipped_policies
-from controllers.training.exam import MOTIONS, Mark, examine
-from controllers.training.transfer import Transfer, saved, transfer
-from controllers.training.trial import FIRST_SEED, Trial
-from controllers.training.worlds import MODELS, make_world
-from ident.log import BUNDLED
 from youbot_cli import console, effect_options
-from youbot_env.envs.randomization import Randomization
-from youbot_env.model import Model
-from youbot_env.model_file import load_model
+from youbot_cli.names import FIRST_SEED
 
-TRUTH = BUNDLED.folder / "truth.yaml"
+if TYPE_CHECKING:
+    from controllers.rl_policy import Policy
+    from controllers.training.exam import Mark
+    from controllers.training.transfer import Transfer
+    from youbot_env.envs.randomization import Randomization
+    from youbot_env.model import Model
+
 # For scale, beside the policies: controllers and what they believe.
 OTHERS = (
     ("kinematic", "nominal"),
@@ -58,6 +55,14 @@ def evaluate(
     robot, which no training has seen: what does it cost them?  Exit status 1: a policy does not
     beat the kinematic controller on every motion.
     """
+    from controllers import make
+    from controllers.rl_policy import Policy, find_policy, shipped_policies
+    from controllers.training.exam import MOTIONS, examine
+    from controllers.training.transfer import transfer
+    from controllers.training.trial import Trial
+    from ident.log import BUNDLED
+    from youbot_env.model_file import load_model
+
     effect_options.load_effects(effects)
     page_file = None if report is None else report / "index.html"
     console.check_results(json_file, page_file, force=force)
@@ -68,7 +73,9 @@ def evaluate(
     if len(set(labels)) < len(labels):
         raise ValueError(f"policies {labels} share a name; rename one")
     policies = {label: Policy.load(name) for label, name in zip(labels, names, strict=True)}
-    hidden = load_model(robot or TRUTH).with_effects(effect_options.parse_effects(effect))
+    hidden = load_model(robot or BUNDLED.folder / "truth.yaml").with_effects(
+        effect_options.parse_effects(effect)
+    )
 
     trial = Trial(robots=seeds, seconds=seconds, noise=noise, seed=seed)
     exams: dict[str, list[Mark]] = {}
@@ -114,17 +121,24 @@ def evaluate(
 
 def model_of(policy: Policy) -> str:
     """Name of the model in the middle of a policy's training; nominal where the file is silent."""
+    from controllers.training.worlds import MODELS
+
     name = str(policy.training.get("model", "nominal"))
     return {Path(model).stem: model for model in MODELS.values()}.get(name, name)
 
 
 def trained_on(policy: Policy) -> tuple[Model, Randomization | None]:
     """The robots on which a policy was trained."""
+    from controllers.training.worlds import make_world
+    from youbot_env.model_file import load_model
+
     return make_world(str(policy.training.get("world", "nominal")), load_model(model_of(policy)))
 
 
 def compare_worlds(policies: dict[str, Policy], losses: dict[str, Transfer]) -> dict:
     """Which training of PPO is best on the hidden robot, and how sure that is."""
+    from controllers.training.transfer import saved
+
     by_world = {
         str(one.training.get("world")): losses[label]
         for label, one in policies.items()

@@ -5,47 +5,28 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
-from ident.disagreement import with_disagreements
-from ident.identification import identify
-from ident.log import Log
-from ident.recording_words import in_words
-from ident.report.findings import accepted, finding_lines, findings_json
-from ident.report.identify import identification_page
-from ident.report.outcome import (
-    Outcome,
-    agreement,
-    agreement_note,
-    effect_rows,
-    error_rows,
-    lump_rows,
-    parameter_rows,
-)
-from ident.results import AT_BOUND, UNSEEN
-from ident.sequential import MotionIdentification, cut_calibration, identify_by_motion
 from youbot_cli import console, effect_options
 from youbot_cli.log_options import (
-    FIT,
     SEVERAL,
-    TEST,
     LogOptions,
     Logs,
     Tests,
     digests,
     one_or_all,
+    or_bundled,
     reads_logs,
     used_model,
 )
-from youbot_env.envs.randomization import Posterior
-from youbot_env.model import Model
-from youbot_env.model_file import load_model, save_model, write_atomically
 
-# What the table says of values that no log determines.
-ORIGIN = {UNSEEN: "prior", AT_BOUND: "bound"}
+if TYPE_CHECKING:
+    from ident.log import Log
+    from ident.report.outcome import Outcome
+    from ident.sequential import MotionIdentification
+    from youbot_env.model import Model
 
 
 @reads_logs
@@ -103,16 +84,23 @@ def main(
 
     Only --posterior is random: equal logs give equal estimates.
     """
+    from ident.disagreement import with_disagreements
+    from ident.identification import identify
+    from ident.report.findings import accepted, findings_json
+    from ident.report.identify import identification_page
+    from ident.report.outcome import Outcome
+    from ident.sequential import cut_calibration, identify_by_motion
+    from youbot_env.model_file import load_model, save_model
+
     page_file = None if report is None else report / "index.html"
     draws_file = out.with_suffix(".posterior.csv") if posterior else None
     console.check_results(out, json_file, page_file, draws_file, force=force)
-    if not logs:
-        logs, test = [FIT], test or [TEST]
+    logs, test = or_bundled(logs, test)
     effect_options.load_effects(effects)
     before = load_model(model)
     added = effect_options.parse_effects(add)
     with console.progress("identifying", 4, "steps") as show:
-        measured, tests = options.read(before, logs, test or ())
+        measured, tests = options.read(before, logs, test)
         held_out, before = one_or_all(tests), used_model(before, measured)
         show(1)
         result = identify(measured, before, added, held_out, method, name=out.stem)
@@ -177,12 +165,20 @@ def origin(row: tuple[str, ...]) -> str:
 
     One that moved and has no interval is known in a combination with others alone.
     """
-    moved = row[5] == UNSEEN and row[1] != row[2]
-    return "in part" if moved else ORIGIN.get(row[5], "fit")
+    from ident.results import AT_BOUND, UNSEEN
+
+    if row[5] == UNSEEN:
+        return "prior" if row[1] == row[2] else "in part"
+    return "bound" if row[5] == AT_BOUND else "fit"
 
 
 def write_posterior(model: Model, count: int, seed: int, path: Path) -> None:
     """Write robots drawn from the identified covariance, one a row, as environments draw them."""
+    import numpy as np
+
+    from youbot_env.envs.randomization import Posterior
+    from youbot_env.model_file import write_atomically
+
     rng = np.random.default_rng(seed)
     drawn = np.array([Posterior().draw(model, rng).values() for _ in range(count)])
     lines = [",".join(model.names())]
@@ -193,6 +189,17 @@ def write_posterior(model: Model, count: int, seed: int, path: Path) -> None:
 
 def tell(outcome: Outcome, logs: list[Log], model: Path | None, page: Path | None) -> None:
     """Say what was found: the verdict, then what it rests on."""
+    from ident.recording_words import in_words
+    from ident.report.findings import finding_lines
+    from ident.report.outcome import (
+        agreement,
+        agreement_note,
+        effect_rows,
+        error_rows,
+        lump_rows,
+        parameter_rows,
+    )
+
     result = outcome.result
     console.out.print(outcome.verdict, style="bold", soft_wrap=True)
     console.section("How the logs were recorded", in_words(result.recording))

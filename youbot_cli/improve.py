@@ -5,49 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
-from controllers import make
-from controllers.evaluation.motions import Motion
-from controllers.evaluation.run import drive, make_env, measure
-from controllers.evaluation.subjects import Subject
-from ident.disagreement import with_disagreements
-from ident.improvement import Improvement, improve
-from ident.kept import fingerprint, keeping
-from ident.log import Log
-from ident.recording_words import in_words
-from ident.report.diagnose import UNTRIED, untried_lines
-from ident.report.findings import accepted, finding_lines, findings_json
-from ident.report.improve import (
-    ERRORS_HEAD,
-    base_head,
-    base_note,
-    base_rows,
-    error_rows,
-    improvement_page,
-    verdict,
-)
 from youbot_cli import console, effect_options
 from youbot_cli.log_options import (
-    FIT,
     SEVERAL,
-    TEST,
     LogOptions,
     Logs,
     Tests,
     digests,
     one_or_all,
+    or_bundled,
     reads_logs,
     used_model,
 )
 from youbot_cli.pieces import Pieces, digest, place
-from youbot_env.model_file import load_model, save_model
+
+if TYPE_CHECKING:
+    from ident.improvement import Improvement
+    from ident.log import Log
 
 # What the controllers are tried on: a figure of eight beyond the 0.5 rad/s of the paper.
-TRIED = Motion("eight", 1.0, 0.3, 6.0)
+TRIED = ("eight", 1.0, 0.3, 6.0)  # arguments of ``Motion``
 BAR = 20  # cells
 
 
@@ -100,13 +81,19 @@ def main(
     Every fit is kept in the folder of --report, else beside --json or --out, until all is done: a
     run that was stopped goes on from there when it is called again, with the same result.
     """
+    from ident.disagreement import with_disagreements
+    from ident.improvement import improve
+    from ident.kept import fingerprint, keeping
+    from ident.report.findings import accepted, findings_json
+    from ident.report.improve import improvement_page
+    from youbot_env.model_file import load_model, save_model
+
     effect_options.load_effects(effects)
     page_file = None if report is None else report / "index.html"
     console.check_results(out, json_file, page_file, force=force)
-    if not logs:
-        logs, test = [FIT], test or [TEST]
+    logs, test = or_bundled(logs, test)
     start = load_model(model)
-    records, tests = options.read(start, logs, test or ())
+    records, tests = options.read(start, logs, test)
     everything, held = (*records, *tests), one_or_all(tests)
     start = used_model(start, records)
     history = console.provenance(seed, digests(everything)) | accepted(everything)
@@ -155,20 +142,28 @@ def tried(done: Improvement, logs: list[Log], seed: int) -> Tracking:
 
     Commands may be as large as they were in the logs, or as the controller's own limit.
     """
+    from controllers import make
+    from controllers.evaluation.motions import Motion
+    from controllers.evaluation.run import drive, make_env, measure
+    from controllers.evaluation.subjects import Subject
+
+    tried_on = Motion(*TRIED)
     robot, largest, errors = Subject("analytic", 0, done.model, seed), largest_command(logs), []
     for believed in (done.stages[0].model, done.model):
         controller = make("computed_torque", believed)
         limit = max(controller.settings.torque_limit, largest)
         controller = make("computed_torque", believed, torque_limit=limit)
         env = make_env(robot, controller)
-        trace = drive(controller, env, TRIED, seed)
+        trace = drive(controller, env, tried_on, seed)
         env.close()
-        errors.append(measure(trace, controller.settings.dt, limit, TRIED.speed)["position"])
-    return Tracking(*errors, TRIED.name, TRIED.frequency, TRIED.speed)
+        errors.append(measure(trace, controller.settings.dt, limit, tried_on.speed)["position"])
+    return Tracking(*errors, tried_on.name, tried_on.frequency, tried_on.speed)
 
 
 def largest_command(logs: list[Log]) -> float:
     """Largest drive input in the logs, N m or V."""
+    import numpy as np
+
     return max(float(np.abs(log.command).max()) for log in logs)
 
 
@@ -200,6 +195,18 @@ def tell(
     page: Path | None,
 ) -> None:
     """Say what was added, how the error fell, and what to do with the model."""
+    from ident.recording_words import in_words
+    from ident.report.diagnose import UNTRIED, untried_lines
+    from ident.report.findings import finding_lines
+    from ident.report.improve import (
+        ERRORS_HEAD,
+        base_head,
+        base_note,
+        base_rows,
+        error_rows,
+        verdict,
+    )
+
     found = done.found
     console.out.print(verdict(done), style="bold", soft_wrap=True)
     console.section("How the logs were recorded", in_words(found.recording))

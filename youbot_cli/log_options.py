@@ -8,21 +8,19 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from ident.diagnosis.settings import SETTINGS
-from ident.doctor import LogError
-from ident.doctor.finding import Finding
-from ident.loaders import find_loader
-from ident.log import BUNDLED, YOUBOT_TABLE, Log, find_log
 from youbot_cli import console
-from youbot_env.model import Model
-from youbot_env.platform import youbot
-from youbot_env.platform_file import LINE, GivenPlatform, read_platform
+from youbot_cli.names import PLATFORM_LINE
 
-FIT, TEST = BUNDLED.folder / "youbot_fit.csv", BUNDLED.folder / "youbot_test.csv"
+if TYPE_CHECKING:
+    from ident.doctor.finding import Finding
+    from ident.log import Log
+    from youbot_env.model import Model
+    from youbot_env.platform_file import GivenPlatform
+
 # Options that take all words up to the next option, for ``console.run``.
 SEVERAL = ("--test",)
 # What a folder of logs is searched for.
@@ -66,7 +64,7 @@ class LogOptions:
         typer.Option(
             metavar="PLATFORM",
             help=f"The robot of the logs: a YAML file (docs/add_a_platform.md), a name, or "
-            f"'{LINE}'; what the log says, else --model's, if left.",
+            f"'{PLATFORM_LINE}'; what the log says, else --model's, if left.",
         ),
     ] = None
     lever: Annotated[
@@ -91,17 +89,24 @@ class LogOptions:
     ] = None
 
     def read(
-        self, model: Model, logs: Sequence[str | Path], tests: Sequence[str | Path] = ()
+        self,
+        model: Model,
+        logs: Sequence[str | Path],
+        tests: Sequence[str | Path] = (),
+        whole: bool = False,
     ) -> tuple[list[Log], list[Log]]:
         """Read logs to fit and logs to judge by; a bad one among several is told and left out.
 
         Args:
             model: its platform is that of logs that say nothing, unless an option does.
             logs, tests: files, folders and patterns.
+            whole: read all rows of files however long they are.
 
         Raises:
             ValueError: nothing there, no usable log, or a log given twice.
         """
+        from ident.doctor import LogError
+
         given = self.given(model)
         mapping = parse_mapping(self.mapping)
         found: list[list[Log]] = []
@@ -110,7 +115,7 @@ class LogOptions:
             files, failed = find_logs(words), []
             for file in files:
                 try:
-                    read.append(self._load(file, given, mapping))
+                    read.append(self._load(file, given, mapping, whole))
                 except LogError as error:
                     failed.append(error)
             if failed and not read:
@@ -127,6 +132,9 @@ class LogOptions:
 
     def given(self, model: Model) -> GivenPlatform | None:
         """The platform of an option or of a model that has its own; None where logs may say it."""
+        from youbot_env.platform import youbot
+        from youbot_env.platform_file import GivenPlatform, read_platform
+
         if self.lever is not None and not (math.isfinite(self.lever) and self.lever > 0):
             raise ValueError(f"--lever {self.lever}: give l + h in m, a positive number")
         if self.platform is not None:
@@ -135,11 +143,19 @@ class LogOptions:
 
     def used_models(self, models: list[Model], logs: list[Log]) -> list[Model]:
         """Models on the platform of the logs; one that was measured elsewhere keeps its own."""
+        from youbot_env.platform import youbot
+
         given = self.platform is not None or self.lever is not None
         return [used_model(m, logs) if given or m.platform == youbot() else m for m in models]
 
-    def _load(self, file: Path, given: GivenPlatform | None, mapping: dict[str, str]) -> Log:
-        return Log.load(
+    def _load(
+        self, file: Path, given: GivenPlatform | None, mapping: dict[str, str], whole: bool
+    ) -> Log:
+        from ident.excerpt import load_excerpt
+        from ident.log import Log
+
+        load = Log.load if whole else load_excerpt
+        return load(
             file,
             given,
             mapping or None,
@@ -179,6 +195,18 @@ def reads_logs(command: Callable[..., None]) -> Callable[..., None]:
     return expanded
 
 
+def or_bundled(
+    logs: list[str] | None, tests: list[str] | None
+) -> tuple[list[str | Path], list[str | Path]]:
+    """Logs to fit and to judge by; the bundled pair where none is given to fit."""
+    from ident.log import BUNDLED
+
+    if logs:
+        return list(logs), list(tests or ())
+    fit, test = (BUNDLED.folder / f"youbot_{name}.csv" for name in ("fit", "test"))
+    return [fit], list(tests or [test])
+
+
 def find_logs(words: Sequence[str | Path]) -> list[Path]:
     """Files of a command line: patterns are expanded, folders that are no log are looked into.
 
@@ -187,6 +215,8 @@ def find_logs(words: Sequence[str | Path]) -> list[Path]:
     Raises:
         ValueError: a word that is no file, or a pattern or folder without logs.
     """
+    from ident.log import find_log
+
     files: list[Path] = []
     for word in words:
         path = find_log(word)
@@ -212,6 +242,9 @@ def find_logs(words: Sequence[str | Path]) -> list[Path]:
 
 
 def _is_log(folder: Path) -> bool:
+    from ident.doctor import LogError
+    from ident.loaders import find_loader
+
     try:
         find_loader(folder)
     except LogError:
@@ -279,6 +312,8 @@ def with_own_names(logs: list[Log]) -> list[Log]:
 
 def told_once(logs: list[Log]) -> list[Log]:
     """Logs of which only the first says what would be said of all: the youBot's table was used."""
+    from ident.log import YOUBOT_TABLE
+
     first, told = False, []
     for log in logs:
         kept = tuple(f for f in log.findings if not (first and f.what == YOUBOT_TABLE))
@@ -289,6 +324,8 @@ def told_once(logs: list[Log]) -> list[Log]:
 
 def long_together(logs: list[Log]) -> list[Log]:
     """Logs without the warning that each is short, where they are given with enough others."""
+    from ident.diagnosis.settings import SETTINGS
+
     if sum(log.duration for log in logs) < SETTINGS.least_seconds:
         return logs
     return [replace(log, findings=tuple(f for f in log.findings if f.name != "short"))

@@ -18,7 +18,6 @@ from pathlib import Path
 import yaml
 
 from youbot_cli import COMMANDS, split_command
-from youbot_env.strict_yaml import read_yaml
 
 HEAD = 65536  # bytes of a file in which its origin stands
 SCRIPT = re.compile(r"python scripts/(\w+)\.py")
@@ -173,6 +172,8 @@ def _json(path: Path) -> dict:
 
 
 def _yaml(path: Path) -> dict:
+    from youbot_env.strict_yaml import read_yaml
+
     try:
         data = read_yaml(path)
     except (yaml.YAMLError, ValueError):

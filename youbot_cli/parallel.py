@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ident.workers import spread
 from youbot_cli import console, effect_options
 from youbot_cli.pieces import Pieces
 
@@ -36,11 +35,13 @@ class Parallel:
         workers: how many at most.
         pieces: where finished pieces are kept.
         effects: file with effects of one's own that all of them have to know, if any.
+        cluster: address of a Dask scheduler whose workers share it instead, if any.
     """
 
     workers: int
     pieces: Pieces
     effects: Path | None = None
+    cluster: str | None = None
 
     def run(
         self,
@@ -60,6 +61,8 @@ class Parallel:
         Raises:
             ChildProcessError: the process of one piece was killed again and again.
         """
+        from ident.workers import spread
+
         found = {piece.name: self.pieces.find(f"{title}, {piece.name}") for piece in work}
         left = [piece for piece in work if found[piece.name] is None]
         done = sum(piece.weight for piece in work) - sum(piece.weight for piece in left)
@@ -69,7 +72,7 @@ class Parallel:
             names = [f"{title}, {piece.name}" for piece in left]
             prepare = (effect_options.load_effects, (self.effects,))
             workers = max(1, min(self.workers, len(left)))
-            for number, result in spread(calls, names, workers, prepare):
+            for number, result in spread(calls, names, workers, prepare, self.cluster):
                 piece = left[number]
                 found[piece.name] = self.pieces.keep(names[number], pack(result))
                 done += piece.weight

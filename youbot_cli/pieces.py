@@ -8,10 +8,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from ident.benchmark.store import files_of, fingerprint
 from youbot_cli import console
 from youbot_cli.origins import PIECE, PIECES
-from youbot_env.model_file import write_atomically
 
 # What a result rests on besides what the caller says: code, models and trained policies.
 ROOMS, KINDS = ("youbot_env", "ident", "controllers"), (".py", ".yaml", ".npz")
@@ -74,6 +72,8 @@ class Pieces:
         Returns:
             The value as ``find`` gives it, so that a run that goes on ends like one in one go.
         """
+        from youbot_env.model_file import write_atomically
+
         key = self._key(name)
         kept = {"key": key, "sha256": _digest_of(value), "value": value}
         text = json.dumps(kept)
@@ -135,4 +135,6 @@ def digest(paths: Iterable[Path | None]) -> list[str]:
 
 def code_version() -> str:
     """Fingerprint of the packages, models and policies."""
+    from ident.benchmark.store import files_of, fingerprint
+
     return fingerprint(path for path in files_of(ROOMS) if path.suffix in KINDS)

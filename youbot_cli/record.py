@@ -7,25 +7,19 @@ import shlex
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from youbot_cli import console, effect_options
-from youbot_env.channels import channel_columns
-from youbot_env.measurement import instruments
-from youbot_env.model import Model
-from youbot_env.model_file import load_model, model_to_dict, save_model
-from youbot_env.recording import record_motion, write_table
-from youbot_env.references import MOTIONS, REFERENCES, Reference, make_reference
-from youbot_env.references.eased import EASE_IN
-from youbot_env.simulation import ROWS, AnalyticPlant, Sensors, WheelLoop
+from youbot_cli.names import HOLDS, MOTIONS
+
+if TYPE_CHECKING:
+    from youbot_env.model import Model
+    from youbot_env.references import Reference
 
 PLANTS = ("analytic", "rollers")
-MOTION_NAMES = ", ".join((*REFERENCES, *MOTIONS.names()))
 MOST_ROWS = 1_000_000
-HOLDS = (*ROWS, "held")
 RATES = (5.0, 1000.0)  # Hz
 LOOP_RATES = (25.0, 10_000.0)  # Hz; below it the wheel-speed loops of the youBot go unstable
 FASTEST = 3.0  # m/s; the youBot's driver stops at 0.8
@@ -42,7 +36,9 @@ def record(
     model: Annotated[str, typer.Option(help="True robot: model file, nominal or paper.")] = "paper",
     effect: effect_options.Effects = None,
     effects: effect_options.EffectsFile = None,
-    motion: Annotated[str, typer.Option(help=f"One of {MOTION_NAMES}, or a file.")] = "calibration",
+    motion: Annotated[
+        str, typer.Option(help=f"One of {', '.join(MOTIONS)}, or a file.")
+    ] = "calibration",
     speed: Annotated[
         float | None, typer.Option(help="Peak speed of the centre, m/s; the motion's own if left.")
     ] = None,
@@ -85,6 +81,11 @@ def record(
 
     The wheels' speed loops follow the motion; effects act and the log does not show them.
     """
+    from youbot_env.measurement import instruments
+    from youbot_env.model_file import load_model, model_to_dict, save_model
+    from youbot_env.recording import record_motion, write_table
+    from youbot_env.simulation import Sensors, WheelLoop
+
     check_numbers(rate, seconds, speed, frequency)
     loops = check_loops(hold, rate, loop_rate)
     options = {
@@ -183,6 +184,8 @@ def check_loops(hold: str, rate: float, loop_rate: float) -> float | None:
 
 def make_plant(name: str, model: Model, dt: float, floor_friction: float | None):
     """The plant of that name with the true model."""
+    from youbot_env.simulation import AnalyticPlant
+
     if name == "rollers":
         from youbot_env.rollers import RollersPlant
 
@@ -205,6 +208,9 @@ def choose_motion(
     name: str, model: Model, seconds: float, speed: float | None, frequency: float | None
 ) -> Reference:
     """The reference of that name; the calibration motions share the time of the log."""
+    from youbot_env.references import make_reference
+    from youbot_env.references.eased import EASE_IN
+
     options = {"speed": speed, "frequency": frequency}
     chosen = {key: value for key, value in options.items() if value is not None}
     if name == "calibration":
@@ -252,6 +258,10 @@ def effect_lines(model: Model) -> list[str]:
 
 def wheel_figures(columns: dict, model: Model, limit: float) -> dict[str, dict[str, float]]:
     """How fast each wheel turned, what torque it took, and how often that was at the limit."""
+    import numpy as np
+
+    from youbot_env.channels import channel_columns
+
     names, figures = channel_columns(model.platform), {}
     pairs = zip(names["wheel_velocity"], names["wheel_torque"], strict=True)
     for wheel, (velocity, torque) in zip(model.platform.wheel_names, pairs, strict=True):
@@ -267,6 +277,8 @@ def wheel_figures(columns: dict, model: Model, limit: float) -> dict[str, dict[s
 
 def report(path: Path, columns: dict, wheels: dict[str, dict[str, float]]) -> None:
     """Say what was recorded."""
+    import numpy as np
+
     length = columns["time"][-1]
     reach = np.hypot(columns["reference_vx"], columns["reference_vy"]).max()
     heads = ("wheel", "peak speed rad/s", "rms torque N m", "peak torque N m", "at limit %")

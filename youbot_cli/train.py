@@ -15,10 +15,7 @@ from typing import Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from controllers import make
-from controllers.training.worlds import MODELS, WORLDS, make_world
 from youbot_cli import console, effect_options
-from youbot_env.model_file import load_model
 
 CHECKPOINT = "checkpoint.pt"  # as controllers.training.checkpoint, which imports torch
 ALGORITHMS = ("ppo", "sac", "residual")
@@ -80,6 +77,10 @@ def train(
     Exit status 1: the policy is not better on every motion; it is written all the same.  Run it
     with make(ALGORITHM, model=..., policy=FILE).
     """
+    from controllers import make
+    from controllers.training.worlds import MODELS, make_world
+    from youbot_env.model_file import load_model
+
     effect_options.load_effects(effects)
     check_words(algorithm, world, resume, checkpoints)
     need("torch", "stable_baselines3", *(["tensorboard"] if tensorboard else []))
@@ -155,6 +156,8 @@ def train(
 
 def check_words(algorithm: str, world: str, resume: bool, checkpoints: Path | None) -> None:
     """Refuse unknown names, and a resume without a place to resume from."""
+    from controllers.training.worlds import WORLDS
+
     for name, value, known in (
         ("--algorithm", algorithm, ALGORITHMS),
         ("--world", world, WORLDS),

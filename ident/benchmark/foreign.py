@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ident.benchmark.conditions import FIT_SECONDS, Conditions
 from ident.log import Log
@@ -148,6 +147,8 @@ class Foreign(Conditions):
     def kept(self, log: Log, rng: np.random.Generator) -> Log:
         """See the base class."""
         if self.noise > 0.0:
+            from scipy.signal import lfilter
+
             # First-order noise with its standard deviation from the first row on.
             keep = np.exp(-np.median(np.diff(log.time)) / self.correlation)
             white = rng.normal(size=log.wheel_torque.shape)

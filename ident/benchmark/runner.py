@@ -29,6 +29,7 @@ def run(
     progress: Callable[[int], None] | None = None,
     resume: bool = True,
     methods: dict[str, Method] = METHODS,
+    cluster: str | None = None,
 ) -> list[dict[str, Any]]:
     """Answer every task and return the records, those finished before included.
 
@@ -39,6 +40,7 @@ def run(
         progress: called with the number of tasks done.
         resume: whether results of an earlier run of the same code count.
         methods: functions by name; with several jobs they must be importable.
+        cluster: address of a Dask scheduler, see ``ident.workers.spread``.
 
     Raises:
         ChildProcessError: the process of one case was killed again and again; what is finished
@@ -50,16 +52,18 @@ def run(
     left = [(m, c) for m, c in tasks if (m, c.id) not in known]
     tell = progress or (lambda done: None)
     tell(len(records))
-    for record in _answers(left, jobs, methods):
+    for record in _answers(left, jobs, methods, cluster):
         records.append(store.add(record))
         tell(len(records))
     return records
 
 
-def _answers(tasks: list[Task], jobs: int, methods: dict[str, Method]) -> Iterable[dict[str, Any]]:
+def _answers(
+    tasks: list[Task], jobs: int, methods: dict[str, Method], cluster: str | None
+) -> Iterable[dict[str, Any]]:
     calls = [(examine, (*task, methods)) for task in tasks]
     names = [f"{case.id} ({method})" for method, case in tasks]
-    return (record for _, record in spread(calls, names, jobs))
+    return (record for _, record in spread(calls, names, jobs, None, cluster))
 
 
 def examine(method: str, case: Case, methods: dict[str, Method] = METHODS) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from ident.benchmark.score import Score, meant, score
 
@@ -92,6 +91,8 @@ class Rate:
         """Clopper-Pearson interval of the share."""
         if not self.count:
             return None
+        from scipy.stats import binomtest
+
         low, high = binomtest(self.hits, self.count).proportion_ci(0.95, "exact")
         return float(low), float(high)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+
+from ident.chance import student_quantile
 
 BINS = 20
 # A bin seen in fewer stretches says nothing.
@@ -59,7 +60,7 @@ def bin_means(
     parts = sums(residual[inside] - mean[number]) / safe[:, None]
     spare = np.maximum(clusters - 1, 1)
     error = np.sqrt(clusters / spare * np.sum(parts**2, axis=1))
-    half = stats.t.ppf(0.975, spare) * error
+    half = student_quantile(0.975, spare) * error
     known = clusters >= min(LEAST_STRETCHES, count)
     return Binned(
         0.5 * (edges[1:] + edges[:-1]), np.where(known, mean, np.nan), np.where(known, half, np.nan)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
+from ident.chance import false_discoveries, fisher_above
 from ident.comparison.shares import FALSE_DISCOVERIES
 from ident.estimators import least_squares
 from ident.log import Log
@@ -78,7 +78,7 @@ def harmonics(
         del columns[clearest]
     if not found:
         return ()
-    adjusted = stats.false_discovery_control([harmonic.p for harmonic in found], method="by")
+    adjusted = false_discoveries([harmonic.p for harmonic in found], dependent=True)
     judged = [replace(h, p_adjusted=float(p)) for h, p in zip(found, adjusted, strict=True)]
     return tuple(sorted(judged, key=lambda h: (not h.flagged, -h.amplitude)))
 
@@ -108,7 +108,7 @@ def _fit(
         toward = size / max(amplitude, 1e-300)
         half = estimate.quantile * float(np.sqrt(toward @ covariance @ toward))
         wald = float(size @ np.linalg.pinv(covariance) @ size)
-        p = float(stats.f.sf(wald / 2 * spare / (spare + 1), 2, spare))
+        p = float(fisher_above(wald / 2 * spare / (spare + 1), 2, spare))
         ends = (max(amplitude - half, 0.0), amplitude + half)
         found.append(Harmonic(wheel, order, amplitude, ends, p))
     return found, H @ estimate.values

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
+from ident.chance import false_discoveries, student_above
 from ident.comparison.moments import Moments, wheel_torques
 from ident.comparison.regimes import Slice, slices
 from ident.estimators import cluster_numbers
@@ -99,7 +99,7 @@ def locate(
         regime = divide(part, axes, wheels, moments.platform.wheel_names)
         if regime is not None:
             found.append(regime)
-    adjusted = stats.false_discovery_control([regime.p for regime in found], method="by")
+    adjusted = false_discoveries([regime.p for regime in found], dependent=True)
     judged = [replace(r, p_adjusted=float(p)) for r, p in zip(found, adjusted, strict=True)]
     return tuple(sorted(judged, key=lambda regime: (not regime.flagged, -regime.excess)))
 
@@ -138,7 +138,7 @@ class _Division:
         parts = (inside - share * whole) / whole.sum()
         parts = parts - (time - share_of_time * self._rows) / self._rows.sum()
         spread = np.sqrt(self._count / (self._count - 1) * np.sum(parts**2))
-        p = float(stats.t.sf((share - share_of_time) / max(spread, 1e-300), self._count - 1))
+        p = float(student_above((share - share_of_time) / max(spread, 1e-300), self._count - 1))
         return Regime(
             part.name, part.kind, of, share, share_of_time, _middle(drawn), _middle(excess), p
         )

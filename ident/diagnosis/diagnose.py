@@ -34,6 +34,7 @@ from ident.diagnosis.trials import untried
 from ident.diagnosis.verdict import decide
 from ident.disagreement import disagreements, may_judge, not_used
 from ident.doctor.finding import Finding
+from ident.excerpt import cut_told, excerpts
 from ident.instruments import without_instruments, without_late
 from ident.kinematics.ripple import with_phases_of
 from ident.log import Log
@@ -181,7 +182,9 @@ def diagnose(
         model: platform, known effects and start values.
         test: other records of the same robot, best of other motions.  Their first part helps to
             choose between rivals, their last part has the last word.  Without them windows of the
-            logs, or of many logs whole ones, are kept for that.
+            logs, or of many logs whole ones, are kept for that.  Of all records that together last
+            longer than ``SETTINGS.most_seconds`` the liveliest stretches are used, see
+            ``ident.excerpt``; the reason says so.
         seed: of the bootstrap.
         progress: called with what is being done.
 
@@ -190,7 +193,9 @@ def diagnose(
     """
     logs, tests = pooled(as_list(logs)), pooled(as_list(test))
     tell = progress or (lambda what: None)
-    model = load_model(model)
+    model, whole = load_model(model), (logs, tests)
+    logs, tests = excerpts(logs, tests)
+    shortened = "".join(map(cut_told, whole, (logs, tests)))
     for log in (*logs, *tests):
         if log.platform != model.platform:
             model = replace(model, platform=log.platform)
@@ -253,7 +258,7 @@ def diagnose(
     return Diagnosis(
         log=name,
         verdict=verdict,
-        reason=reason + fitting + _repeated(verdict, across) + not_used(differs),
+        reason=reason + fitting + _repeated(verdict, across) + not_used(differs) + shortened,
         steps=tuple(steps),
         model=replace(without_instruments(last), name="diagnosed"),
         base=without_instruments(chain[0][1]),

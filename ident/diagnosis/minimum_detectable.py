@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtr, ndtri
 
+from ident.chance import student_quantile
 from ident.diagnosis.rounds import Round
 from ident.diagnosis.settings import SETTINGS
 
@@ -75,8 +76,9 @@ def _of(found: Round, number: int) -> MinimumDetectable | None:
     # Of several parameters the one that shows most.
     k = int(np.argmax(np.abs(values) / np.where(errors > 0, errors, np.inf)))
     windows = len(table.scores)
-    sure = float(stats.t.ppf(0.975, windows - 1))
-    threshold = float(stats.t.isf(SETTINGS.significant / 2 / max(len(found.gains), 1), windows - 1))
+    sure = float(student_quantile(0.975, windows - 1))
+    rare = SETTINGS.significant / 2 / max(len(found.gains), 1)
+    threshold = -float(student_quantile(rare, windows - 1))
     parameter = trial.effect.parameter_of(trial.names[k])
     typical = abs(parameter.default) or 1.0
     strength = table.strength(number, mixed[k])
@@ -85,9 +87,9 @@ def _of(found: Round, number: int) -> MinimumDetectable | None:
         if strength > 0
         else np.inf
     )
-    half = stats.norm.ppf(SETTINGS.power)
+    half = ndtri(SETTINGS.power)
     smallest = max((threshold + half) * errors[k], needed)
-    power = float(stats.norm.cdf((typical / smallest - 1.0) * (threshold + half) + half))
+    power = float(ndtr((typical / smallest - 1.0) * (threshold + half) + half))
     return MinimumDetectable(
         effect=trial.identifier,
         parameter=trial.names[k],

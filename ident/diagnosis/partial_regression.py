@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
+from ident.chance import false_discoveries, fisher_above
 from ident.diagnosis.settings import SETTINGS
 
 
@@ -100,7 +100,7 @@ def wild_p_values(
         both = np.concatenate([white.sum(axis=0)[None], signs @ white])
         squared = np.minimum((both**2).sum(axis=1), count * (1 - 1e-12))
         ratio = (count - freedom) / freedom * squared / (count - squared)
-        p = stats.f.sf(ratio, freedom, count - freedom)
+        p = fisher_above(ratio, freedom, count - freedom)
         single[trial], drawn[trial] = p[0], p[1:]
     within, best = np.ones(len(single)), {}
     for family in np.unique(families):
@@ -113,7 +113,7 @@ def wild_p_values(
     for k, family in enumerate(families):
         if family:
             rivals = [within[k] if other == family else best[other] for other in effects]
-            adjusted[k] = stats.false_discovery_control(rivals)[effects.index(family)]
+            adjusted[k] = false_discoveries(rivals)[effects.index(family)]
     return within, adjusted
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 from scipy.optimize import minimize_scalar
 
+from ident.chance import student_above
 from ident.diagnosis.score_table import ScoreTable
 from ident.diagnosis.settings import SETTINGS
 from ident.diagnosis.splits import FIT, SELECT, VERIFY, Part
@@ -342,7 +342,7 @@ def _alike(
     for k in order[1:]:
         gap = losses[k] - best
         spread = gap.std(ddof=1) / np.sqrt(count)
-        chance = stats.t.sf(gap.mean() / max(spread, 1e-15), count - 1)
+        chance = student_above(gap.mean() / max(spread, 1e-15), count - 1)
         feigned = max(
             SETTINGS.late_feigned[0] * (1.0 - best.mean()), SETTINGS.late_feigned[1] * best.mean()
         )

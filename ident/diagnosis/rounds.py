@@ -7,8 +7,8 @@ from functools import cached_property
 from itertools import combinations, compress
 
 import numpy as np
-from scipy import stats
 
+from ident.chance import rank_correlation_chance
 from ident.contradiction import rolling_variance, wheels_agree
 from ident.diagnosis.forces import feigned
 from ident.diagnosis.lack_of_fit import Dependence
@@ -116,7 +116,7 @@ class Round:
             squares += [[np.mean(x[rows] ** 2) for x in (motion, drive)] for rows in index]
         fitted = self.table.role == FIT
         loss, squares = self.loss[fitted], np.array(squares)[fitted]
-        chances = [stats.spearmanr(loss, column).pvalue for column in squares.T]
+        chances = [rank_correlation_chance(loss, column) for column in squares.T]
         return bool(min(chances) > SETTINGS.uneven_chance and loss.std() < loss.mean())
 
     @property

@@ -8,7 +8,7 @@ windows from which significance is judged, cost microseconds each.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -86,35 +86,41 @@ class ScoreTable:
             own = np.concatenate(
                 [values[..., ~own_columns], _placed(values[..., own_columns], number, count)], -1
             )
-            mine = [trial.on(sim.model) for trial in found]
-            pairs = [pair for trial in mine for pair in trial]
-            traces, mixed, at = averaged(sim, sim.model_columns(pairs)), [], 0
-            for trial in found:
-                trace = traces[..., at : at + len(trial.pairs)] @ trial.mix
-                of_log = trial.effect.scope() == "record"
-                mixed.append(_placed(trace, number, count) if of_log else trace)
-                at += len(trial.pairs)
             made = [dependence.make(sim) for dependence in generic]
-            forced = sim.force_columns([wrench for wrenches in made for wrench in wrenches])
+            wrenches = [wrench for wrenches in made for wrench in wrenches]
             error = averaged(sim, sim.residual[..., None])
-            wide = [own, *mixed, averaged(sim, forced), error]
-            rows = np.concatenate(wide, axis=-1) * part.weights[:, None]
+            sizes = [trial.mix.shape[1] * (count if trial.effect.scope() == "record" else 1)
+                     for trial in found]  # fmt: skip
+            base = own.shape[-1]
+            rows = np.empty((*error.shape[:-1], base + sum(sizes) + len(wrenches) + 1))
+            rows[..., :base], rows[..., -1:], at = own, error, base
+            for group in _groups(sim, found, [len(trial.pairs) for trial in found]):
+                pairs = [pair for trial in group for pair in trial.on(sim.model)]
+                traces = averaged(sim, sim.model_columns(pairs))
+                for trial in group:
+                    trace, traces = traces[..., : len(trial.pairs)], traces[..., len(trial.pairs) :]
+                    trace = trace @ trial.mix
+                    if trial.effect.scope() == "record":
+                        trace = _placed(trace, number, count)
+                    rows[..., at : at + trace.shape[-1]] = trace
+                    at += trace.shape[-1]
+            for group in _groups(sim, wrenches, [1] * len(wrenches)):
+                rows[..., at : at + len(group)] = averaged(sim, sim.force_columns(group))
+                at += len(group)
+            rows *= part.weights[:, None]
             flat = rows.reshape(len(rows), -1, rows.shape[-1])
             grams.append(flat.transpose(0, 2, 1) @ flat)
             if part.windows(FIT).any():
-                fitted = part.windows(FIT)
-                found_rows = stretches(rows[fitted], sim)
-                group, each = independent(part.log, part.begin[fitted]), len(found_rows)
+                fitted = np.flatnonzero(part.windows(FIT))
+                group = independent(part.log, part.begin[fitted])
+                each = len(fitted) * parts_of(rows, sim)
                 together = np.repeat(group, each // len(group))
                 if group[-1] + 1 == len(group):  # windows hold several independent stretches
                     together = np.arange(each)
-                tested.append((found_rows, together))
+                tested.append((rows, fitted, sim, together))
             role.append(part.role)
             log.append(np.full(len(part.role), number))
         grams = np.concatenate(grams)
-        base = own.shape[-1]
-        sizes = [trial.mix.shape[1] * (count if trial.effect.scope() == "record" else 1)
-                 for trial in found]  # fmt: skip
         sizes, columns = sizes + [len(w) for w in made], []
         start = base
         for size in sizes:
@@ -128,7 +134,10 @@ class ScoreTable:
         everything = grams[role == FIT].sum(axis=0)
         share = Reduced.of(everything, everything, base).share
         scores = np.concatenate(
-            [summed(score(rows / by, share, base), together) for rows, together in tested]
+            [
+                summed(_scores(rows, fitted, sim, by, share), together)
+                for rows, fitted, sim, together in tested
+            ]
         )
         return cls(
             model,
@@ -358,10 +367,15 @@ def _placed(columns: np.ndarray, number: int, count: int) -> np.ndarray:
     return placed
 
 
+def parts_of(rows: np.ndarray, sim: Linearised) -> int:
+    """How many stretches each window of rows (W, l, m, n) is cut into."""
+    return max(1, round(rows.shape[1] * samples_a_row(sim) * sim.log.dt / SETTINGS.stretch))
+
+
 def stretches(rows: np.ndarray, sim: Linearised) -> np.ndarray:
     """Rows (W, l, m, n) of windows as rows (stretches, r, n)."""
     windows, length, _, count = rows.shape
-    parts = max(1, round(length * samples_a_row(sim) * sim.log.dt / SETTINGS.stretch))
+    parts = parts_of(rows, sim)
     length -= length % parts
     return rows[:, :length].reshape(windows * parts, -1, count)
 
@@ -381,6 +395,33 @@ def summed(scores: np.ndarray, together: np.ndarray) -> np.ndarray:
     """Scores (stretches, k) summed over what goes together, by ascending numbers (stretches,)."""
     first = np.flatnonzero(np.diff(together, prepend=-1))
     return np.add.reduceat(scores, first, axis=0)
+
+
+def _groups(sim: Linearised, asked: Sequence, columns: Sequence[int]) -> Iterator[list]:
+    """What is asked in groups, in order, whose columns in full have few bytes together.
+
+    In full they have all samples, and are there several times while they are made.
+    """
+    most, group, count = max(1, SETTINGS.most_bytes // sim.residual.nbytes), [], 0
+    for one, more in zip(asked, columns, strict=True):
+        if group and count + more > most:
+            yield group
+            group, count = [], 0
+        group.append(one)
+        count += more
+    if group:
+        yield group
+
+
+def _scores(
+    rows: np.ndarray, fitted: np.ndarray, sim: Linearised, by: np.ndarray, share: np.ndarray
+) -> np.ndarray:
+    """``score`` of the stretches of the fitted windows, some windows at a time."""
+    some = max(1, SETTINGS.most_bytes // rows[0].nbytes)
+    return np.concatenate([
+        score(stretches(rows[fitted[k : k + some]], sim) / by, share, len(share))
+        for k in range(0, len(fitted), some)
+    ])  # fmt: skip
 
 
 def averaged(sim: Linearised, rows: np.ndarray) -> np.ndarray:

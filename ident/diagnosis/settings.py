@@ -13,6 +13,15 @@ class Settings:
     # What a record must offer before anything is named.
     least_seconds: float = 20.0
     least_speed: float = 0.03
+    # Of longer records this much is used, s, in stretches of about that length: the liveliest.  Of
+    # an hour of many motions 75, 150, 300, 600 and 1200 s gave the size of a dry friction within
+    # 1.1, 0.6, 0.4, 0.2 and 0.1 %; the smallest size seen of other effects fell up to 300 s and no
+    # further, as what it hides behind is no noise.  600 s take 0.8 GB, and 1200 s twice the time.
+    most_seconds: float = 600.0
+    # Files are cut to this much, s, before anything is done with them: identification of an hour
+    # took 1.2 GB, of this 0.7.
+    longest_seconds: float = 1800.0
+    excerpt_seconds: float = 20.0
     # A wheel at its largest torque for more than this share of the time has flat tops.
     most_clipped: float = 0.05
 
@@ -48,6 +57,9 @@ class Settings:
     # --- The table of scores
     # Blocks of each log that are left out in turn: in a calibration log these are its motions.
     table_blocks: int = 4
+    # Memory of the traces that are made at a time, before they are averaged; some times as much is
+    # in use meanwhile.
+    most_bytes: int = 1 << 25
     # Shrinks the coefficients of dependences, which have many.
     ridge: float = 1e-3
     # Share of squared error by which a dependence is plain.

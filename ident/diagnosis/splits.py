@@ -81,8 +81,8 @@ def divide(logs: list[Log], tests: list[Log], model: Model) -> list[Part]:
         run = log.run_of(log.time[index[:, 0]])
         role = np.full(len(run), FIT)
         if not tests:
-            kept = run if run[-1] >= SETTINGS.kept_every - 1 else np.arange(len(run))
-            role[kept % SETTINGS.kept_every == SETTINGS.kept_every - 1] = VERIFY
+            kept = _numbered(log, run, index) % SETTINGS.kept_every
+            role[kept == SETTINGS.kept_every - 1] = VERIFY
         parts.append(_part(log, role, index))
     for log in tests:
         index = _rows(log, model)
@@ -95,6 +95,21 @@ def divide(logs: list[Log], tests: list[Log], model: Model) -> list[Part]:
             )
         parts.append(_part(log, role, index))
     return parts
+
+
+def _numbered(log: Log, run: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """(W,) numbers of what is kept out of the fit as a whole: runs, stretches, or windows.
+
+    Windows of a stretch of a long record are more alike than those of two; where it has few, and
+    ends in a window that overlaps, that one counts with the one before, whose role it gets.
+    """
+    if run[-1] >= SETTINGS.kept_every - 1 or not log.cut:
+        return run if run[-1] >= SETTINGS.kept_every - 1 else np.arange(len(run))
+    piece = np.searchsorted(log.starts, index[:, 0], side="right")
+    number = np.unique(piece, return_inverse=True)[1]
+    if number[-1] >= SETTINGS.kept_every - 1:
+        return number
+    return np.cumsum(np.append(True, index[1:, 0] > index[:-1, -1])) - 1
 
 
 def _part(log: Log, role: np.ndarray, index: np.ndarray) -> Part:

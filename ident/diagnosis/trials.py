@@ -8,7 +8,6 @@ from itertools import product
 
 import numpy as np
 from scipy.linalg import null_space
-from scipy.signal import find_peaks
 
 from ident.dead_reckoning import dead_reckoning, wheel_angles
 from ident.diagnosis.settings import SETTINGS
@@ -345,6 +344,6 @@ def strongest_orders(log: Log, model: Model, count: int = 3) -> tuple[float, ...
     order = 2 * np.pi * np.fft.rfftfreq(SETTINGS.transform_length, SETTINGS.angle_bin)
     inside = (order > SETTINGS.lowest_order) & (order < SETTINGS.highest_order)
     order, power = order[inside], power[inside]
-    peaks, _ = find_peaks(power)
+    peaks = 1 + np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] > power[2:]))
     best = peaks[np.argsort(-power[peaks])[:count]]
     return tuple(order[best].tolist())

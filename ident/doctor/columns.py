@@ -94,7 +94,7 @@ def examine_columns(
         )
         record.stop_on_error()
     record.time = numbers["time"]
-    record.breaks = np.zeros(len(record.time), bool)
+    record.breaks = np.zeros(len(record.time), bool) if table.cuts is None else table.cuts
     for channel, names in channel_columns(platform).items():
         there = [name for name in names if name in numbers]
         if there and len(there) < len(names):

@@ -12,6 +12,7 @@ Severity = Literal["fixed", "warning", "error"]
 # One short name for one kind of finding; `--accept NAME` and docs/logs.md use them.
 NAMES = {
     "file": "the file cannot be read as it stands",
+    "excerpt": "a file so long that stretches of it are used",
     "columns": "names of columns",
     "cells": "missing values, text in place of numbers",
     "clock": "time stamps, or columns that come late",

@@ -31,6 +31,7 @@ class Table:
         foreign: what makes it look like a log of another robot than the youBot; empty for none.
         recalled: findings that a converted log remembers.
         recording: what the file declares about how it was recorded, ``EFFECT=VALUE`` each.
+        cuts: (N,) rows before which the loader left some out; None where it read them all.
     """
 
     columns: dict[str, Any]
@@ -40,6 +41,7 @@ class Table:
     findings: list[Finding] = field(default_factory=list)
     recalled: list[Finding] = field(default_factory=list)
     recording: list[str] = field(default_factory=list)
+    cuts: np.ndarray | None = None
     aliases: dict[tuple[str, str], str] = field(default_factory=dict)
     usual: dict[str, str] = field(default_factory=dict)
     accept: tuple[str, ...] = ()

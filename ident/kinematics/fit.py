@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
+from ident.chance import fisher_above, student_quantile
 from ident.estimators import CLUSTERS
 from ident.kinematics.wheels import Rolling, parameter_names, rolling
 from ident.kinematics.windows import LONGEST_DELAY, MOUNT, Windows, integrate
@@ -206,7 +206,7 @@ class Fit:
         at = np.linalg.pinv(scaled.sum(axis=0), hermitian=True) @ (weights * self.scale)
         spoken = np.einsum("p,gpq,q->g", at, scaled, at)
         effective = spoken.sum() ** 2 / max(np.sum(spoken**2), 1e-300)
-        return error, float(stats.t.ppf(0.975, max(effective - 1.0, 1.0))) * error
+        return error, float(student_quantile(0.975, max(effective - 1.0, 1.0))) * error
 
 
 def fit(windows: Windows, platform: Platform) -> Fit:
@@ -306,7 +306,7 @@ def _surplus(normal: Normal, scale: np.ndarray, seen: np.ndarray) -> Surplus:
     spoken = max(float(np.min(1.0 / np.sum(share**2, axis=0))), rank + 1.0)
     square = entries @ np.linalg.solve(shifts.T @ shifts, entries)
     ratio = float(square * (spoken - rank) / (rank * (spoken - 1.0)))
-    p_value = float(stats.f.sf(ratio, rank, spoken - rank))
+    p_value = float(fisher_above(ratio, rank, spoken - rank))
     largest = np.abs(directions[:, keep] @ entries).max() * PLAUSIBLE
     return Surplus(rank, ratio, p_value, float(largest))
 

@@ -12,9 +12,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from ident import dead_reckoning
+from ident.chance import fisher_above, student_quantile
 from ident.contradiction import contradiction
 from ident.estimators import CLUSTERS
 from ident.kinematics.fit import leave_one_out
@@ -232,11 +232,11 @@ def _solve(design: np.ndarray, y: np.ndarray, phases: np.ndarray) -> Ripple:
     harmonic, shifts = (basis @ fitted / scale)[: 2 * count], shifts[:, : 2 * count]
     covariance = shifts.T @ shifts
     statistic = harmonic @ np.linalg.pinv(covariance, hermitian=True) @ harmonic / (2 * count)
-    p_value = float(stats.f.sf(statistic, 2 * count, len(groups) - 2 * count))
+    p_value = float(fisher_above(statistic, 2 * count, len(groups) - 2 * count))
     pairs = harmonic.reshape(count, 2)
     sizes = np.hypot(*pairs.T)
     direction = (pairs / np.maximum(sizes, 1e-12)[:, None]).ravel() / count
-    half = stats.t.ppf(0.975, len(groups) - 1) * np.sqrt(direction @ covariance @ direction)
+    half = student_quantile(0.975, len(groups) - 1) * np.sqrt(direction @ covariance @ direction)
     size = min(float(sizes.mean()), LARGEST_SIZE)
     turned = phases + np.arctan2(pairs[:, 1], pairs[:, 0]) * PITCH / (2 * math.pi)
     return Ripple(size, (size - float(half), size + float(half)), p_value, _within(turned))

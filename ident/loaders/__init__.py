@@ -93,19 +93,24 @@ def find_loader(path: Path) -> Loader:
     raise refuse(path, "the format is unknown", "file", f"give one of these: {known}")
 
 
-def read(path: Path, platform: Platform, loader: Loader | None = None) -> Table:
+def read(
+    path: Path, platform: Platform, loader: Loader | None = None, most_rows: int | None = None
+) -> Table:
     """Read a log of any known format into a table of columns.
 
     Args:
         path: the file or folder.
         platform: whose wheels the columns are of.
         loader: of its format; found if left.
+        most_rows: of CSV and Parquet with more the liveliest stretches are read; None for all.
 
     Raises:
         LogError: the file cannot be read, whatever the library that reads it thinks of it.
     """
     loader = loader or find_loader(path)
     with damage_told(path, f"damaged, or no {loader.title} file", Exception):
+        if most_rows is not None:
+            return loader.read_excerpt(path, platform, most_rows)
         return loader.read(path, platform)
 
 

@@ -35,6 +35,13 @@ class Loader:
         """
         raise NotImplementedError
 
+    def read_excerpt(self, path: Path, platform: Platform, most_rows: int) -> Table:
+        """Read the liveliest stretches of a file with more rows, see ``long_files``.
+
+        Formats that cannot be read in parts are read as a whole.
+        """
+        return self.read(path, platform)
+
 
 def refuse(source: str | Path, what: str, where: str, remedy: str) -> LogError:
     """Return the error for a file that cannot be read, ready to be raised."""

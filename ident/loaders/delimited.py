@@ -12,6 +12,7 @@ import polars as pl
 from ident.doctor.declared import known_unit
 from ident.loaders.base import Loader, Table, head, refuse
 from ident.loaders.joint_columns import name_joints
+from ident.loaders.long_files import Kept, liveliest_lines
 from ident.loaders.stamps import find_time
 from ident.remembered import comments, recall
 from youbot_env.platform import Platform
@@ -41,8 +42,18 @@ class DelimitedLoader(Loader):
 
     def read(self, path: Path, platform: Platform) -> Table:
         """Read all cells as text; the doctor turns them into numbers and names bad ones."""
-        data = _text(path)
+        return self._table(path, platform, None)
+
+    def read_excerpt(self, path: Path, platform: Platform, most_rows: int) -> Table:
+        """See the base class."""
+        return self._table(path, platform, most_rows)
+
+    def _table(self, path: Path, platform: Platform, most_rows: int | None) -> Table:
+        kept = None if most_rows is None else _kept(path, most_rows)
+        data = _text(path, path.read_bytes() if kept is None else kept.data)
         table = parse(data, path)
+        if kept is not None:
+            kept.place(table)
         try:
             recall(table, comments(data))
         except ValueError as error:
@@ -63,8 +74,43 @@ def header(path: Path) -> list[str]:
     return []
 
 
-def _text(path: Path) -> bytes:
-    data = path.read_bytes()
+def _kept(path: Path, most: int) -> Kept | None:
+    """The liveliest stretches of a file with more rows than ``most``; None where it has fewer."""
+    first = head(path)
+    lines = first[: first.rfind(b"\n") + 1]
+    if path.stat().st_size <= len(first) or not lines or b"\0" in lines:
+        return None  # short, of one line, or in another coding
+    text = lines.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n")
+    ends = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
+    begins = np.concatenate([[0], ends[:-1] + 1])
+    table = Table({}, np.empty(0, int))
+    skipped = _preamble(table, text, begins, ends)
+    number, names, separator = _header(text, begins, ends, path, skipped)
+    number += _more_headers(table, text, begins[number:], ends[number:], names, separator)
+    begin = sum(map(len, lines.splitlines(keepends=True)[:number]))
+    if len(ends) <= number or _lines(path, len(lines) / len(ends), most + number) <= most + number:
+        return None
+    options = {"has_header": False, "separator": separator, "quote_char": None,
+               "infer_schema": False, "ignore_errors": True, "truncate_ragged_lines": True,
+               "schema": {f"{k}": pl.Float64 for k in range(len(names))}}  # fmt: skip
+
+    def numbers(block: bytes) -> np.ndarray:
+        frame = pl.read_csv(io.BytesIO(block), **options)
+        return frame.to_numpy()
+
+    return liveliest_lines(path, begin, most, numbers)
+
+
+def _lines(path: Path, length: float, limit: int) -> int:
+    """Lines of a file whose first ones have a mean length; counted where they may pass a limit."""
+    size = path.stat().st_size
+    if size < 0.5 * limit * length:
+        return int(size / length)
+    with path.open("rb") as stream:
+        return sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 24), b""))
+
+
+def _text(path: Path, data: bytes) -> bytes:
     if not (data[:4096].strip() or data.strip()):
         raise refuse(path, "the file is empty", "line 1", "record again or check the copy")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):

@@ -39,9 +39,9 @@ class FtcLoader(DelimitedLoader):
         """All twelve names stand in the header."""
         return path.is_file() and set(NAMES.values()) <= set(header(path))
 
-    def read(self, path: Path, platform: Platform) -> Table:
+    def _table(self, path: Path, platform: Platform, most_rows: int | None) -> Table:
         """Read the table and say which column is what."""
-        table = super().read(path, platform)
+        table = super()._table(path, platform, most_rows)
         table.names = dict(NAMES)
         table.foreign = "header of an FTC robot"
         return table

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import periodogram
 
 from ident.comparison import Comparison
 from ident.comparison.moments import wheel_torques
@@ -102,6 +101,8 @@ def since_reversal(time: np.ndarray, speed: np.ndarray) -> np.ndarray:
 
 def strongest_period(time: np.ndarray, force: np.ndarray) -> float | None:
     """Period, s, at which residual forces (N, C) oscillate most; None for a short log."""
+    from scipy.signal import periodogram
+
     step = float(np.median(np.diff(time)))
     even = np.arange(time[0], time[-1], step)
     evenly = np.stack([np.interp(even, time, column) for column in force.T], axis=1)
