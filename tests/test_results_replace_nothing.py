@@ -52,6 +52,27 @@ def test_an_output_is_never_an_input(folder, words):
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("identify.py", "own", "--out", "logs/own.csv"),
+        ("identify.py", "--force", "own", "--out", "logs/own.csv"),
+        ("identify.py", "logs/own.csv", "--model", "m", "--out", "models/m.yaml"),
+        ("identify.py", "--force", "own", "--model=m", "--out", "models/m.yaml"),
+    ],
+    ids=lambda words: " ".join(words),
+)
+def test_what_is_given_by_its_name_is_an_input(folder, words):
+    for file, place in (("own.csv", "logs"), ("m.yaml", "models")):
+        (folder / place).mkdir()
+        shutil.copy(folder / file, folder / place / file)
+    before = [path.read_bytes() for path in sorted(folder.glob("*/*"))]
+    done = run(folder, *words)
+    assert done.returncode == 2, done.stderr
+    assert "never replaces" in done.stderr
+    assert [path.read_bytes() for path in sorted(folder.glob("*/*"))] == before
+
+
 def test_a_device_is_refused(folder):
     done = run(folder, "identify.py", "own.csv", "--json", "/dev/null")
     assert done.returncode == 2

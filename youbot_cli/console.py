@@ -37,6 +37,7 @@ GAP = 2  # characters between columns
 INDENT = {"initial_indent": "  - ", "subsequent_indent": "    "}
 # Options that name a file to write; what other words of a command line name is read.
 NAMING = ("", "--model", "--robot", "--test")  # what stands behind them may be a name of a file
+FLAGS: set[str] = set()  # options of the running command that take no value
 RESULTS = ("--out", "--json", "--truth", "--onnx", "--results", "--report")
 VERSIONED = ("numpy", "scipy", "casadi", "gymnasium", "mujoco", "torch", "stable_baselines3")
 # What bad input raises; ModelFileError, LogError and ImpossibleParameters are ValueErrors.
@@ -122,6 +123,8 @@ def run(command: Callable[..., None], example: str, several: tuple[str, ...] = (
 
     class Command(typer.core.TyperCommand):
         def parse_args(self, ctx, args):
+            flags = (one for one in self.params if getattr(one, "is_flag", False))
+            FLAGS.update(word for one in flags for word in (*one.opts, *one.secondary_opts))
             return super().parse_args(ctx, spread(args, several))
 
     # The backspace keeps the lines of the example as they are.
@@ -218,7 +221,8 @@ def _by_name() -> list[Path]:
     for before, word in zip(sys.argv, sys.argv[1:], strict=False):
         option, _, name = word.partition("=")
         if not word.startswith("-"):
-            option, name = before if before.startswith("-") else "", word
+            # A name behind a flag does not belong to it.
+            option, name = before if before.startswith("-") and before not in FLAGS else "", word
         if option in NAMING:
             found += [kind.find(name) for kind in (MODELS, BUNDLED)]
     return [path for path in found if path is not None]
