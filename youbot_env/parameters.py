@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 from youbot_env.dynamics import Theta
 from youbot_env.platform import Platform
@@ -63,9 +64,18 @@ class Parameters:
 
     @classmethod
     def from_theta(cls, theta: Theta, platform: Platform) -> Parameters:
-        """Invert ``theta``; nothing is checked, an estimate may be impossible."""
+        """Invert ``theta``, of numbers or arrays; nothing is checked, an estimate may be impossible.
+
+        Without a mass beside the wheels the centre of mass is nowhere (NaN).
+        """
         m = theta.m0 - len(platform.wheels) * platform.wheel_mass
-        offset = (theta.max / m, theta.may / m) if m else (math.nan, math.nan)
+        if getattr(m, "ndim", 0):
+            import numpy as np
+
+            m = np.where(m == 0.0, math.nan, m)
+        elif m == 0.0:
+            m = math.nan
+        offset = (theta.max / m, theta.may / m)
         return cls(theta.m0, theta.I0, theta.I1, *offset, theta.mu1, theta.mu2)
 
     @classmethod
@@ -94,34 +104,45 @@ class Parameters:
         """Return the seven values by name."""
         return asdict(self)
 
-    def problems(self, platform: Platform) -> list[str]:
-        """Say in words what makes these parameters impossible; empty when nothing does."""
-        found = []
+    def violations(self, platform: Platform) -> dict[str, Any]:
+        """What is impossible: a truth value by rule, arrays where the parameters are arrays.
+
+        The rules: finite and positive values by name, then of what is left ``weight`` (the wheels
+        alone weigh more), ``balance`` (the robot tips over) and ``inertia`` (less than the offset of
+        the centre of mass gives).
+        """
+        import numpy as np
+
+        found: dict[str, Any] = {}
         for name in ("m0", "I0", "I1", "mu1", "mu2"):
             value = getattr(self, name)
-            if not math.isfinite(value):
-                found.append(f"{name} = {value} is not finite")
-            elif value < 0 or (value == 0 and name in ("m0", "I0")):
-                found.append(f"{name} = {value:.6g} {UNITS[name]} must be positive")
+            found[f"{name} finite"] = ~np.isfinite(value)
+            low = value <= 0 if name in ("m0", "I0") else value < 0
+            found[f"{name} positive"] = np.isfinite(value) & low
+        body = self.m0 - len(platform.wheels) * platform.wheel_mass
+        weight = np.logical_not(body > 0)
+        balance = ~weight & ~platform.contains(self.a_x, self.a_y)
+        own = body * (self.a_x**2 + self.a_y**2)
+        inertia = ~weight & ~balance & (self.I0 > 0) & (own >= self.I0)
+        return found | {"weight": weight, "balance": balance, "inertia": inertia}
+
+    def problems(self, platform: Platform) -> list[str]:
+        """Say in words what makes these parameters impossible; empty when nothing does."""
         wheels = len(platform.wheels) * platform.wheel_mass
-        if not self.m0 > wheels:
-            found.append(
-                f"m0 = {self.m0:.6g} kg is not more than its {len(platform.wheels)} wheels "
-                f"({wheels:.6g} kg)"
-            )
-        elif not platform.contains(self.a_x, self.a_y):
-            found.append(
-                f"centre of mass ({self.a_x:.4g}, {self.a_y:.4g}) m lies outside the wheels, "
-                "the robot would tip over"
-            )
-        elif self.I0 > 0:
-            limit = (self.m0 - wheels) * (self.a_x**2 + self.a_y**2)
-            if limit >= self.I0:
-                found.append(
-                    f"I0 = {self.I0:.6g} kg m^2 is below {limit:.6g} kg m^2, what the offset of "
-                    "the centre of mass alone gives"
-                )
-        return found
+        own = (self.m0 - wheels) * (self.a_x**2 + self.a_y**2)
+        words = {
+            "weight": f"m0 = {self.m0:.6g} kg is not more than its {len(platform.wheels)} wheels "
+            f"({wheels:.6g} kg)",
+            "balance": f"centre of mass ({self.a_x:.4g}, {self.a_y:.4g}) m lies outside the "
+            "wheels, the robot would tip over",
+            "inertia": f"I0 = {self.I0:.6g} kg m^2 is below {own:.6g} kg m^2, what the offset of "
+            "the centre of mass alone gives",
+        }
+        for name in ("m0", "I0", "I1", "mu1", "mu2"):
+            value = getattr(self, name)
+            words[f"{name} finite"] = f"{name} = {value} is not finite"
+            words[f"{name} positive"] = f"{name} = {value:.6g} {UNITS[name]} must be positive"
+        return [words[rule] for rule, wrong in self.violations(platform).items() if wrong]
 
     def check(self, platform: Platform) -> Parameters:
         """Return self when possible.

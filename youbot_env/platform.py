@@ -160,16 +160,19 @@ class Platform:
 
         return np.array(self.geometry.jacobian)
 
-    def contains(self, x: float, y: float) -> bool:
-        """Tell whether the point (x, y) m lies inside the polygon of the wheel centres."""
+    def contains(self, x, y) -> Any:
+        """Tell whether points (x, y) m lie inside the polygon of the wheel centres, elementwise."""
         import numpy as np
 
         points = np.array([(wheel.x, wheel.y) for wheel in self.wheels])
         centre = points.mean(axis=0)
         points = points[np.argsort(np.arctan2(*(points - centre).T[::-1]))]
         edges = np.roll(points, -1, axis=0) - points
-        offset = np.array([x, y]) - points
-        return bool(np.all(edges[:, 0] * offset[:, 1] - edges[:, 1] * offset[:, 0] >= 0))
+        left = [
+            edge[0] * (y - point[1]) - edge[1] * (x - point[0]) >= 0
+            for edge, point in zip(edges, points, strict=True)
+        ]
+        return np.logical_and.reduce(left)
 
 
 def wheel_rows(

@@ -2,20 +2,45 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from youbot_env.arguments import check_names
+from youbot_env.dynamics import Theta
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
 from youbot_env.parameters import ImpossibleParameters, Parameters
 
 TRIES = 200
+# Draws numbers in [0, 1) for some robots: (how many each, which robots) -> (how many, robots).
+Numbers = Callable[[int, np.ndarray], np.ndarray]
 
 
 class Randomization:
-    """Draws a model around a given one."""
+    """Draws a model around a given one.
+
+    A subclass states how many random numbers a robot takes and makes its values from them; then
+    many robots are drawn at once.  One that overrides ``propose`` instead works as well, one robot
+    after the other.
+    """
+
+    def draws(self, model: Model) -> int | None:
+        """How many numbers ``values`` takes for a robot; None where only ``propose`` is known."""
+        return None
+
+    def values(self, model: Model, numbers: np.ndarray) -> np.ndarray:
+        """Values (V, n) in the order of ``model.names()`` from numbers (K, n) drawn in [0, 1)."""
+        raise NotImplementedError
+
+    def propose(self, model: Model, rng: np.random.Generator) -> Model:
+        """Return one draw, possible or not."""
+        count = self.draws(model)
+        if count is None:
+            raise NotImplementedError
+        return model.with_values(self.values(model, rng.random((count, 1)))[:, 0])
 
     def draw(self, model: Model, rng: np.random.Generator) -> Model:
         """Return a possible robot; impossible draws are drawn again.
@@ -28,14 +53,49 @@ class Randomization:
             problems = candidate.parameters.problems(candidate.platform)
             if not problems:
                 return candidate
-        raise ImpossibleParameters(
-            f"randomization found no possible robot in {TRIES} draws, the last had: "
-            f"{'; '.join(problems)}; narrow it"
-        )
+        raise _too_wide(problems)
 
-    def propose(self, model: Model, rng: np.random.Generator) -> Model:
-        """Return one draw, possible or not."""
-        raise NotImplementedError
+    def draw_many(self, model: Model, numbers: Numbers, count: int) -> np.ndarray | None:
+        """Values (V, n) of possible robots, each as ``draw`` gives it with its generator.
+
+        Args:
+            model: the robot drawn around.
+            numbers: draws from the generators of the robots.
+            count: n.
+
+        Returns:
+            None where only ``propose`` is known.
+
+        Raises:
+            ImpossibleParameters: see ``draw``.
+        """
+        each, kind = self.draws(model), type(self)
+        own = kind.propose is not Randomization.propose or kind.draw is not Randomization.draw
+        if each is None or own:
+            return None
+        left, result = np.arange(count), np.empty((len(model.names()), count))
+        for _ in range(TRIES):
+            result[:, left] = self.values(model, numbers(each, left))
+            parameters = Parameters.from_theta(Theta(*result[:7, left]), model.platform)
+            wrong = np.logical_or.reduce(list(parameters.violations(model.platform).values()))
+            if not wrong.any():
+                return result
+            left = left[wrong]
+        last = model.with_values(result[:, left[0]])
+        raise _too_wide(last.parameters.problems(model.platform))
+
+
+def _too_wide(problems: list[str]) -> ImpossibleParameters:
+    return ImpossibleParameters(
+        f"randomization found no possible robot in {TRIES} draws, the last had: "
+        f"{'; '.join(problems)}; narrow it"
+    )
+
+
+def _normal(numbers: np.ndarray) -> np.ndarray:
+    """Standard normal numbers (K, n) from uniform ones (2 K, n), by Box and Muller."""
+    length = np.sqrt(-2.0 * np.log1p(-numbers[0::2]))
+    return length * np.cos(2.0 * math.pi * numbers[1::2])
 
 
 @dataclass(frozen=True)
@@ -65,24 +125,31 @@ class Independent(Randomization):
                     "('normal', mean, deviation) or ('scale', low, high)"
                 )
 
-    def propose(self, model: Model, rng: np.random.Generator) -> Model:
+    def draws(self, model: Model) -> int:
+        """See the base class."""
+        return sum(2 if kind == "normal" else 1 for kind, _, _ in self.spec.values())
+
+    def values(self, model: Model, numbers: np.ndarray) -> np.ndarray:
         """See the base class."""
         parameters = model.parameters.as_dict()
-        effects = {active.identifier: dict(active.values) for active in model.effects}
+        effects = {f"{e.identifier}.{k}": v for e in model.effects for k, v in e.values.items()}
+        known, at = parameters | effects, 0
         for name, (kind, a, b) in self.spec.items():
-            group, _, key = name.rpartition(".")
-            values = effects.get(group) if group else parameters
-            if values is None or key not in values:
-                known = [*parameters, *(f"{e}.{k}" for e, v in effects.items() for k in v)]
-                raise ValueError(f"randomization of {name!r}: the model has {known}")
+            if name not in known:
+                raise ValueError(f"randomization of {name!r}: the model has {[*known]}")
             if kind == "normal":
-                values[key] = float(rng.normal(a, b))
+                drawn = a + b * _normal(numbers[at : at + 2])[0]
             else:
-                values[key] = float(rng.uniform(a, b)) * (values[key] if kind == "scale" else 1.0)
+                drawn = a + (b - a) * numbers[at]
+                drawn = drawn * known[name] if kind == "scale" else drawn
+            at += 2 if kind == "normal" else 1
+            group, _, key = name.rpartition(".")
             if group:
-                low, high = get_effect(group).parameter_of(key).bounds
-                values[key] = float(np.clip(values[key], low, high))
-        return replace(model, parameters=Parameters(**parameters)).with_effects(effects)
+                drawn = np.clip(drawn, *get_effect(group).parameter_of(key).bounds)
+            known[name] = drawn
+        theta = Parameters(*(known[name] for name in parameters)).theta(model.platform)
+        rows = (*theta, *(known[name] for name in effects))
+        return np.array([np.broadcast_to(row, numbers.shape[1:]) for row in rows])
 
 
 @dataclass(frozen=True)
@@ -95,22 +162,27 @@ class Posterior(Randomization):
 
     widen: float = 1.0
 
-    def propose(self, model: Model, rng: np.random.Generator) -> Model:
+    def draws(self, model: Model) -> int:
+        """See the base class."""
+        return 2 * len(model.names())
+
+    def values(self, model: Model, numbers: np.ndarray) -> np.ndarray:
         """See the base class; the model's covariance is over ``Model.names()``."""
         if model.covariance is None:
             raise ValueError(
                 f"model {model.name!r} has no covariance; identify it (youbot identify) first"
             )
         covariance = np.array(model.covariance, float) * self.widen**2
-        values = np.array(model.values())
-        if covariance.shape != (values.size, values.size):
+        mean = np.array(model.values())
+        if covariance.shape != (mean.size, mean.size):
             raise ValueError(
-                f"model {model.name!r}: covariance is {covariance.shape}, it has {values.size} "
-                "values"
+                f"model {model.name!r}: covariance is {covariance.shape}, it has {mean.size} values"
             )
-        drawn = rng.multivariate_normal(values, covariance, method="eigh")
+        squares, axes = np.linalg.eigh(covariance)
+        root = axes * np.sqrt(np.maximum(squares, 0.0))
+        drawn = mean[:, None] + root @ _normal(numbers)
         for at, name in enumerate(model.names()):
             group, _, key = name.rpartition(".")
             if group:
                 drawn[at] = np.clip(drawn[at], *get_effect(group).parameter_of(key).bounds)
-        return model.with_values(drawn)
+        return drawn

@@ -317,4 +317,3 @@ def _literal(value: float, kind: str) -> str:
     if kind == "f":
         return text.replace(")", "f)") if text.endswith(")") else f"{text}f"
     return text
-

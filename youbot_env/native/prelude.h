@@ -98,3 +98,24 @@ INLINE float log_f(float a) {
         + r * (1.1676998740e-1f + r * (-1.1514610310e-1f + r * 7.0376836292e-2f))))))));
     return n * 0.693359375f + (r + (tail - 0.5f * z - n * 2.12194440e-4f));
 }
+
+// Numbers in [0, 1) of one generator for each robot: NumPy's own, by its interface for C
+// (numpy/random/bitgen.h).  Pointers: robots, generators, result (numbers, robots).
+typedef struct {
+    void *state;
+    uint64_t (*next_uint64)(void *);
+    uint32_t (*next_uint32)(void *);
+    double (*next_double)(void *);
+    uint64_t (*next_raw)(void *);
+} Generator;
+
+void draw(void *const *p, const double *u, const long *z) {
+    const int32_t *chosen = p[0];
+    Generator *const *generators = p[1];
+    double *result = p[2];
+    (void)u;
+    for (long i = 0; i < z[0]; i++) {
+        const Generator *source = generators[chosen[i]];
+        for (long k = 0; k < z[1]; k++) result[k * z[0] + i] = source->next_double(source->state);
+    }
+}

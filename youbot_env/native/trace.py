@@ -280,9 +280,7 @@ class Graph:
         ]
         end = [self.wrap(leaf) for leaf in _leaves(body(_rebuilt(carry, iter(loop.within))))]
         loop.after = [self.cast(e, w.kind) for e, w in zip(end, loop.within, strict=True)]
-        result = [
-            self.node("after", (number, k), w.kind, True) for k, w in enumerate(loop.within)
-        ]
+        result = [self.node("after", (number, k), w.kind, True) for k, w in enumerate(loop.within)]
         return _rebuilt(carry, iter(result))
 
 
