@@ -11,7 +11,7 @@ import numpy as np
 from youbot_env.envs.law import Law
 from youbot_env.envs.options import EpisodeOptions
 from youbot_env.native import build
-from youbot_env.native.emit import PRELUDE, Array, Output, function_text, read
+from youbot_env.native.emit import PRELUDE, Array, Copied, Output, function_text, read
 from youbot_env.native.trace import Graph, Node, tracing_ops
 from youbot_env.plant import BoundModel, State
 
@@ -92,27 +92,32 @@ class _Tracer:
         return self.slots.setdefault(name, len(self.slots))
 
     def _array(self, name: str, kind: str, components: int = 1, layout: str = "robots") -> Array:
-        return Array(self._slot(name), kind, layout, components)
+        instants = self._slot("steps") if layout == "table" else 0
+        return Array(self._slot(name), kind, layout, components, instants)
 
     def _begin(self) -> None:
         self.graph = Graph()
         self.ops = tracing_ops(self.graph)
         self.outputs: list[Output] = []
+        self.copied: list[Copied] = []
 
     def _number(self, name: str) -> Node:
         return self.graph.uniform(self.places.setdefault(name, len(self.places)))
 
-    def _read(self, *array, instant: Node | None = None, **layout) -> tuple[Node, ...]:
-        return read(self.graph, self._array(*array, **layout), instant)
+    def _read(self, *array, **layout) -> tuple[Node, ...]:
+        return read(self.graph, self._array(*array, **layout))
 
-    def _write(self, name: str, kind: str, values, layout: str = "robots") -> None:
+    def _write(self, name: str, kind: str, values, whole: Array | None = None) -> None:
         values = tuple(values)
-        array = self._array(name, kind, len(values), layout)
+        array = whole or self._array(name, kind, len(values))
         self.outputs += [Output(array, k, self.graph.wrap(value)) for k, value in enumerate(values)]
 
     def _end(self, name: str, chosen: bool) -> None:
-        text = function_text(name.replace(" ", "_"), self.graph, self.outputs, chosen)
-        self.texts.append(text)
+        self.texts.append(
+            function_text(
+                name.replace(" ", "_"), self.graph, self.outputs, chosen, tuple(self.copied)
+            )
+        )
 
     def _state(self) -> State:
         structure = self.law.structure
@@ -124,18 +129,13 @@ class _Tracer:
             return structure.bind(self._read("values", "f", structure.value_count))
         return structure.bind(self._number(f"value {k}") for k in range(structure.value_count))
 
-    def _reference(self, steps: Node) -> tuple[tuple, list[tuple]]:
-        """Reference pose now, and twists now and at the previews."""
-        task = self.law.task
-        ahead = [k * task.preview_stride for k in range(task.preview + 1)]
+    def _reference(self) -> tuple[tuple, list[Array]]:
+        """Reference pose now, and where its twists now and at the previews lie."""
+        count = self.law.task.preview + 1
         if self.table:
-            wanted = self._read("poses", "d", 3, layout="table", instant=steps)
-            twists = [
-                self._read("twists", "f", 3, layout="table", instant=steps + k if k else steps)
-                for k in ahead
-            ]
-            return wanted, twists
-        twists = [self._read(f"twist {k}", "f", 3) for k in range(len(ahead))]
+            poses = self._read("poses", "d", 3, layout="table")
+            return poses, [self._array("twists", "f", 3 * count, "table")]
+        twists = [self._array(f"twist {k}", "f", 3, "rows") for k in range(count)]
         return self._read("pose now", "d", 3), twists
 
     # Functions
@@ -173,12 +173,16 @@ class _Tracer:
 
     def _see(self, state: State, action: tuple, steps: Node, torque: tuple):
         law, ops = self.law, self.ops
-        wanted, twists = self._reference(steps)
+        wanted, twists = self._reference()
         look = law.look(state, wanted, action, self._read("keys", "i", 2), steps, ops)
         high = law.task.observation_space.high.tolist()
-        flat = (*look.observation, *(part for twist in twists for part in twist))
-        seen = [ops.minimum(ops.maximum(c, -b), b) for c, b in zip(flat, high, strict=True)]
-        self._write("seen observation", "f", seen)
+        whole = self._array("seen observation", "f", len(high), "rows")
+        pairs = zip(look.observation, high[: len(look.observation)], strict=True)
+        self._write("", "f", [ops.minimum(ops.maximum(c, -b), b) for c, b in pairs], whole)
+        at = len(look.observation)
+        for twist in twists:
+            self.copied.append(Copied(whole, at, twist))
+            at += twist.components
         self._write("seen time", "d", [ops.real(steps) * law.task.dt])
         self._write("seen pose", "d", state.pose)
         self._write("seen reference_pose", "d", wanted)
@@ -229,5 +233,8 @@ class _Tracer:
         t = (self.ops.real(steps) + self._number("ahead")) * law.task.dt
         motion = law.reference.evaluate(values, t, self.ops)
         self._write("pose then", "d", motion.pose)
-        self._write("twist then", "f", motion.twist(self.ops))
+        high = law.task.observation_space.high[8:11].tolist()
+        pairs = zip(motion.twist(self.ops), high, strict=True)
+        twist = [self.ops.minimum(self.ops.maximum(c, -b), b) for c, b in pairs]
+        self._write("", "f", twist, self._array("twist then", "f", 3, "rows"))
         self._end(name, chosen)

@@ -76,13 +76,16 @@ class Robots:
             # Robots that have ended take one period more before they begin again.
             times = np.arange(steps + 2 + task.preview_length) * task.dt
             motion = law.reference.evaluate(constant.tolist(), times, NUMPY)
-            self._poses = _rows(motion.pose, times.shape, float)
-            self._twists = _rows(motion.twist(NUMPY), times.shape, np.float32)
+            self._poses = _rows(motion.pose, times.shape)
+            twists = self._clipped(_rows(motion.twist(NUMPY), times.shape))
+            # Row k: what is seen of the reference at step k, previews included.
+            ahead = np.arange(steps + 2)[:, None] + self._strides
+            self._twists = twists[ahead].reshape(len(ahead), -1)
         else:
             # Rings over time, from now to the last preview.
             self._followed = np.zeros((law.reference.size, width))
             self._poses = np.zeros((self._size, 3, width))
-            self._twists = np.zeros((self._size, 3, width), np.float32)
+            self._twists = np.zeros((self._size, width, 3), np.float32)
 
     machine: Machine | None = None
 
@@ -117,6 +120,16 @@ class Robots:
     def look(self, rows: np.ndarray, seen: Seen) -> None:
         """Write what some robots see now, without reward and ends."""
         raise NotImplementedError
+
+    def _clipped(self, twists: np.ndarray) -> np.ndarray:
+        """Twists (..., 3) as observations show them."""
+        high = self.law.task.observation_space.high[8:11]
+        return np.clip(twists.astype(np.float32), -high, high)
+
+    @cached_property
+    def _strides(self) -> np.ndarray:
+        """Periods from now to what is seen of the reference."""
+        return np.arange(self.law.task.preview + 1) * self.law.task.preview_stride
 
     def _offset(self, numbers: np.ndarray, chosen: EpisodeOptions) -> np.ndarray:
         return np.ascontiguousarray(chosen.offset_from(numbers[-3:].T).T)
@@ -175,8 +188,12 @@ class ArrayRobots(Robots):
         times = np.arange(self._size)[:, None] * self.law.task.dt
         motion = self.law.reference.evaluate(list(values), times, NUMPY)
         slots = ((self._head + np.arange(self._size)) % self._size)[:, None]
-        for ring, part in ((self._poses, motion.pose), (self._twists, motion.twist(NUMPY))):
-            ring[slots, :, rows] = np.stack([np.broadcast_to(c, shape) for c in part], axis=-1)
+        pose, twist = (
+            np.stack([np.broadcast_to(c, shape) for c in part], axis=-1)
+            for part in (motion.pose, motion.twist(NUMPY))
+        )
+        self._poses[slots, :, rows] = pose
+        self._twists[slots, rows] = self._clipped(twist)
         return Motion(*(tuple(np.broadcast_to(c, shape)[0] for c in part) for part in motion))
 
     def step(self, actions) -> Seen:
@@ -199,7 +216,7 @@ class ArrayRobots(Robots):
             for k in range(1, law.history)
         ]
         self._state = law.advance(self._robot, self._state, tuple(commands), time, NUMPY_FAST)
-        self.steps += 1
+        self.steps[: self.copies] += 1
         if not self._table:
             self._move_on()
         seen = self.layout.new()
@@ -214,8 +231,9 @@ class ArrayRobots(Robots):
         """The oldest slot of the rings takes the newest preview."""
         ahead = (self.steps + float(self.law.task.preview_length)) * self.law.task.dt
         motion = self.law.reference.evaluate(list(self._followed), ahead, NUMPY)
-        for axis, (place, twist) in enumerate(zip(motion.pose, motion.twist(NUMPY), strict=True)):
-            self._poses[self._head, axis], self._twists[self._head, axis] = place, twist
+        shape = ahead.shape
+        self._poses[self._head] = _rows(motion.pose, shape).T
+        self._twists[self._head] = self._clipped(_rows(motion.twist(NUMPY), shape))
         self._head = (self._head + 1) % self._size
 
     def look(self, rows, seen) -> None:
@@ -226,33 +244,27 @@ class ArrayRobots(Robots):
     def _see(self, rows, seen: Seen, action: tuple, ends: bool = True) -> None:
         law, structure = self.law, self.law.structure
         state = structure.unflatten(c[rows] for c in structure.flatten(self._state))
-        steps, strides = self.steps[: self.copies][rows], self._strides
+        steps = self.steps[: self.copies][rows]
         if self._table:
-            wanted = self._poses[:, steps]
-            twists = self._twists[:, strides[:, None] + steps]
-            twists = twists.swapaxes(0, 1).reshape(-1, len(steps))
+            wanted, twists = self._poses[steps].T, self._twists[steps]
         else:
             wanted = self._poses[self._head, :, : self.copies][:, rows]
-            twists = self._twists[(self._head + strides) % self._size, :, : self.copies]
-            twists = twists[:, :, rows].reshape(-1, len(steps))
+            twists = self._twists[(self._head + self._strides) % self._size, : self.copies]
+            twists = twists[:, rows].swapaxes(0, 1).reshape(len(steps), -1)
         keys = tuple(self._keys[:, : self.copies][:, rows])
         look = law.look(state, tuple(wanted), action, keys, steps, NUMPY_FAST)
-        block = np.empty((seen.observation.shape[1], len(steps)), np.float32)
+        block = np.empty((len(look.observation), len(steps)), np.float32)
         for row, component in enumerate(look.observation):
             block[row] = component
-        block[len(look.observation) :] = twists
-        high = law.task.observation_space.high[:, None]
-        seen.observation[rows] = np.clip(block, -high, high, out=block).T
+        high = law.task.observation_space.high[: len(block), None]
+        seen.observation[rows, : len(block)] = np.clip(block, -high, high, out=block).T
+        seen.observation[rows, len(block) :] = twists
         seen.time[rows] = steps * law.task.dt
         seen.pose[rows] = np.array(state.pose).T
         seen.reference_pose[rows] = wanted.T
         seen.torque[rows] = self._commands[self._newest, :, : self.copies][:, rows].T
         if ends:
             seen.reward[rows], seen.terminated[rows] = look.reward, look.lost
-
-    @cached_property
-    def _strides(self) -> np.ndarray:
-        return np.arange(self.law.task.preview + 1) * self.law.task.preview_stride
 
 
 class CompiledRobots(Robots):
@@ -281,9 +293,7 @@ class CompiledRobots(Robots):
         slots, places = self.machine.slots, self.machine.places
         self._at = np.zeros(len(slots), np.uint64)
         self._uniform = np.zeros(max(len(places), 1))
-        self._sizes = np.zeros(4, np.int64)
-        self._sizes[1] = self.layout.width
-        self._sizes[3] = self._poses.shape[-1]
+        self._sizes = np.array([0, self.layout.width, 0], np.int64)
         fixed = {"steps": self.steps, "keys": self._keys, "values": self.values}
         if self._table:
             fixed |= {"poses": self._poses, "twists": self._twists}
@@ -308,15 +318,12 @@ class CompiledRobots(Robots):
         self._seen_offsets = np.array(list(self.layout.offsets.values()), np.uint64)
         self._command_slots = [slots[f"command {k}"] for k in range(self._held)]
         self._call = (address(self._at), address(self._uniform), address(self._sizes))
-        strides = np.arange(task.preview + 1) * task.preview_stride
-        self._previews = [int(k) for k in strides]
+        self._previews = self._strides.tolist()
         if not self._table:
-            self._twist_slots = [slots[f"twist {k}"] for k in range(len(strides))]
-            self._slot_bytes = (self._poses[0].nbytes, self._twists[0].nbytes)
-            self._ring_addresses = (address(self._poses), address(self._twists))
-            twists = address(self._twists) + self._slot_bytes[1] * np.arange(self._size)
+            self._twist_slots = [slots[f"twist {k}"] for k in range(len(self._strides))]
+            twists = address(self._twists) + self._twists[0].nbytes * np.arange(self._size)
             # Row h: where the previews lie when the head is at slot h.
-            order = (np.arange(self._size)[:, None] + strides) % self._size
+            order = (np.arange(self._size)[:, None] + self._strides) % self._size
             self._twist_addresses = twists.astype(np.uint64)[order]
             self._point_at_head()
 
@@ -386,7 +393,7 @@ class CompiledRobots(Robots):
 
     def step(self, actions) -> Seen:
         """See the base class."""
-        self.steps += 1
+        self.steps[: self.copies] += 1
         if not self._table:
             self._head = (self._head + 1) % self._size
             self._fill(None, [len(self._previews) - 1])
@@ -420,8 +427,9 @@ class CompiledRobots(Robots):
         self._run("look", len(rows), rows)
 
 
-def _rows(components: tuple, shape: tuple, kind) -> np.ndarray:
-    return np.array([np.broadcast_to(c, shape) for c in components], dtype=kind)
+def _rows(components: tuple, shape: tuple) -> np.ndarray:
+    """Components, each (N,) or less, as rows (N, 3)."""
+    return np.stack([np.broadcast_to(c, shape) for c in components], axis=-1)
 
 
 class Numbers:

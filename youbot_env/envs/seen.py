@@ -33,6 +33,8 @@ class SeenLayout:
             size = np.dtype(kind).itemsize
             shape = (copies, components) if components > 1 else (copies,)
             strides = (size, self.width * size) if components > 1 else (size,)
+            if name == "observation":  # a row for each robot, as learners read them
+                strides = (components * size, size)
             self._parts.append((name, shape, np.dtype(kind), self._size, strides))
             self.offsets[name] = self._size
             self._size += components * self.width * size

@@ -31,15 +31,18 @@ class Array:
         slot: which of the pointers.
         kind: type of an entry, as kinds of nodes.
         layout: ``robots`` (components, width): all robots; ``packed`` (components, chosen): those
-            that the call is for, side by side; ``rows`` (robots, components): read only, as users
-            give actions; ``table`` (components, instants): read only, the same for all robots.
+            that the call is for, side by side; ``rows`` (robots, components), as users give actions
+            and take observations; ``table`` (instants, components), read at the instant of each
+            robot.
         components: how many.
+        instants: slot of the instants (robots,) uint32 of a table.
     """
 
     slot: int
     kind: str
     layout: str = "robots"
     components: int = 1
+    instants: int = 0
 
 
 @dataclass(frozen=True)
@@ -51,15 +54,29 @@ class Output:
     node: Node
 
 
-def read(graph: Graph, array: Array, instant: Node | None = None) -> tuple[Node, ...]:
-    """Nodes of the components of an array; ``instant`` is the place in a table."""
-    extra = () if instant is None else (instant,)
-    return tuple(
-        graph.node("load", (array, k, *extra), array.kind, True) for k in range(array.components)
-    )
+@dataclass(frozen=True)
+class Copied:
+    """What is written as it stands in memory: the row of a robot, into a row of another array.
+
+    Attributes:
+        array: written, of layout ``rows``.
+        component: the first one written.
+        source: read, of layout ``rows`` or ``table`` and the same kind.
+    """
+
+    array: Array
+    component: int
+    source: Array
 
 
-def function_text(name: str, graph: Graph, outputs: list[Output], chosen: bool) -> str:
+def read(graph: Graph, array: Array) -> tuple[Node, ...]:
+    """Nodes of the components of an array."""
+    return tuple(graph.node("load", (array, k), array.kind, True) for k in range(array.components))
+
+
+def function_text(
+    name: str, graph: Graph, outputs: list[Output], chosen: bool, copied: tuple[Copied, ...] = ()
+) -> str:
     """C of ``void name(void *const *p, const double *u, const long *z)``.
 
     Args:
@@ -67,17 +84,19 @@ def function_text(name: str, graph: Graph, outputs: list[Output], chosen: bool) 
         graph: the traced expressions.
         outputs: what it writes.
         chosen: whether it works on the robots of a list, pointer 0, and not on all.
+        copied: what it copies beside that.
 
     Returns:
-        The text.  ``p`` are the pointers by slot, ``u`` the numbers that are the same for all, ``z``
-        how many robots, width of the arrays of all robots, of the packed ones, of tables.
+        The text.  ``p`` are the pointers by slot, ``u`` the numbers that are the same for all,
+        ``z`` how many robots, width of the arrays of all robots, of the packed ones.
     """
-    return _Writer(name, graph, outputs, chosen).text()
+    return _Writer(name, graph, outputs, chosen, copied).text()
 
 
 class _Writer:
-    def __init__(self, name: str, graph: Graph, outputs: list[Output], chosen: bool):
+    def __init__(self, name: str, graph: Graph, outputs: list[Output], chosen: bool, copied):
         self.name, self.graph, self.outputs, self.chosen = name, graph, outputs, chosen
+        self.copied = copied
         self.loops = {id(loop): k for k, loop in enumerate(graph.loops)}
         self._find_used()
         self._place()
@@ -141,13 +160,13 @@ class _Writer:
         last = 2 * len(self.graph.loops)
         self.crossing: dict[int, Node] = {}
         bodies = [self._body(at) for at in range(last + 1)]
-        for number, node in self.crossing.items():
+        for number in self.crossing:
             bodies[self.region[number]].append(f"t{number}[i] = v{number};")
         lines = [f"void {self.name}(void *const *p, const double *u, const long *z) {{"]
         lines += [f"  {line}" for line in self._arrays()]
         lines += ["  const long count = z[0], width = z[1];"]
-        lines += ["  const long packed = z[2], instants = z[3];"]
-        lines += ["  (void)width; (void)packed; (void)instants; (void)u;"]
+        lines += ["  const long packed = z[2];"]
+        lines += ["  (void)width; (void)packed; (void)u;"]
         lines += [f"  {line}" for line in self._uniform()]
         lines += [f"  for (long begin = 0; begin < count; begin += {LANES}) {{"]
         lines += [f"    {line}" for line in self._tile()]
@@ -164,22 +183,38 @@ class _Writer:
             lines.append(f"    EVERY_LANE for (int i = 0; i < {LANES}; i++) {{")
             lines += [f"      {line}" for line in body]
             lines.append("    }")
+        lines += [f"    {line}" for line in self._scattered()]
         return "\n".join([*lines, "  }", "}", ""])
 
     def _whole(self, node: Node) -> str:
         return f"(long){self._uniform_value(node)}"
 
-    def _every_array(self) -> Iterable[tuple[Array, bool]]:
+    def _read_arrays(self) -> list[Array]:
         loads = [node.args[0] for node in self.used if node.op == "load"]
-        yield from ((array, False) for array in dict.fromkeys(loads))
-        yield from ((array, True) for array in dict.fromkeys(o.array for o in self.outputs))
+        return list(dict.fromkeys(loads))
 
     def _arrays(self) -> Iterable[str]:
-        for array, written in self._every_array():
-            const, kind = ("" if written else "const "), TYPES[array.kind]
-            yield f"{const}{kind} *restrict a{array.slot} = p[{array.slot}];"
+        sources = [copied.source for copied in self.copied]
+        reads = {array.slot: array.kind for array in (*self._read_arrays(), *sources)}
+        reads |= {a.instants: "i" for a in (*self._read_arrays(), *sources) if a.layout == "table"}
+        written = {output.array.slot: output.array.kind for output in self.outputs}
+        for slot, kind in reads.items():
+            yield f"const {TYPES[kind]} *restrict a{slot} = p[{slot}];"
+        for slot, kind in written.items():
+            yield f"{TYPES[kind]} *restrict a{slot} = p[{slot}];"
         if self.chosen:
             yield "const int32_t *restrict chosen = p[0];"
+
+    @property
+    def _robot(self) -> str:
+        return "robot[i]" if self.chosen else "(begin + i)"
+
+    def _row(self, array: Array) -> str:
+        """Where the row of robot i begins."""
+        place = (
+            f"(long)a{array.instants}[{self._robot}]" if array.layout == "table" else self._robot
+        )
+        return f"a{array.slot} + {place} * {array.components}"
 
     def _tile(self) -> Iterable[str]:
         yield f"const long lanes = count - begin < {LANES} ? count - begin : {LANES};"
@@ -191,13 +226,49 @@ class _Writer:
             yield "  place[i] = (int32_t)(begin + (i < lanes ? i : lanes - 1));"
             yield "  robot[i] = chosen[place[i]];"
             yield "}"
-        for array, _ in self._every_array():
-            if array.layout == "rows":
-                kind, n = TYPES[array.kind], array.components
-                name = f"r{array.slot}"
-                yield f"{kind} {name}[{LANES * n}];"
-                yield f"for (long i = 0; i < {LANES * n}; i++)"
-                yield f"  {name}[i] = i < lanes * {n} ? a{array.slot}[begin * {n} + i] : 0;"
+        # What lies in rows is gathered and scattered one robot after the other: the instructions
+        # that gather a vector take longer on many processors.
+        for array in self._read_arrays():
+            if array.layout in ("rows", "table"):
+                kind, n, name = TYPES[array.kind], array.components, f"r{array.slot}"
+                yield f"{kind} {name}[{n}][{LANES}];"
+                yield f"for (int i = 0; i < {LANES}; i++) {{"
+                yield f"  const {kind} *row = {self._row(array)};"
+                given = "i < lanes ? row[k] : 0" if array.layout == "rows" else "row[k]"
+                yield f"  for (int k = 0; k < {n}; k++) {name}[k][i] = {given};"
+                yield "}"
+        for output in self.outputs:
+            if self._staged(output.array):
+                kind = "int32_t" if output.array.kind == "b" else TYPES[output.array.kind]
+                yield f"{kind} o{output.array.slot}_{output.component}[{LANES}];"
+
+    @staticmethod
+    def _staged(array: Array) -> bool:
+        """Whether it is written after the loops over lanes: rows, and entries of one byte.
+
+        The smallest type of a loop decides how many lanes it takes at a time.
+        """
+        return array.layout == "rows" or array.kind == "b"
+
+    def _scattered(self) -> Iterable[str]:
+        for output in self.outputs:
+            array, k = output.array, output.component
+            if array.kind == "b":
+                target = self._address(array, k)
+                yield f"for (int i = 0; i < lanes; i++) {target} = (uint8_t)o{array.slot}_{k}[i];"
+        rows = list(dict.fromkeys(o.array for o in self.outputs if o.array.layout == "rows"))
+        for array in rows:
+            yield "for (int i = 0; i < lanes; i++) {"
+            yield f"  {TYPES[array.kind]} *row = {self._row(array)};"
+            for output in self.outputs:
+                if output.array == array:
+                    k = output.component
+                    yield f"  row[{k}] = o{array.slot}_{k}[i];"
+            for copied in self.copied:
+                size = f"{copied.source.components} * sizeof *row"
+                if copied.array == array:
+                    yield f"  memcpy(row + {copied.component}, {self._row(copied.source)}, {size});"
+            yield "}"
 
     def _uniform(self) -> Iterable[str]:
         kinds = {"b": "int"}
@@ -235,16 +306,17 @@ class _Writer:
                 lines.append(f"c{number}_{k}[i] = {value};")
         else:
             for output in self.outputs:
-                value = self._value(output.node, output.array.kind, lines)
-                lines.append(f"{self._address(output.array, output.component)} = {value};")
+                array, k = output.array, output.component
+                value = self._value(output.node, array.kind, lines)
+                staged = self._staged(array)
+                target = f"o{array.slot}_{k}[i]" if staged else self._address(array, k)
+                lines.append(f"{target} = {value};")
         return lines
 
-    def _address(self, array: Array, k: int, instant: str = "") -> str:
+    def _address(self, array: Array, k: int) -> str:
+        if array.layout in ("rows", "table"):
+            return f"r{array.slot}[{k}][i]"
         name = f"a{array.slot}"
-        if array.layout == "table":
-            return f"{name}[{k} * instants + {instant}]"
-        if array.layout == "rows":
-            return f"r{array.slot}[i * {array.components} + {k}]"
         if array.layout == "packed":
             return f"{name}[{k} * packed + {'place[i]' if self.chosen else 'begin + i'}]"
         return f"{name}[{k} * width + {'robot[i]' if self.chosen else 'begin + i'}]"
@@ -278,9 +350,7 @@ class _Writer:
 
         op, args = node.op, node.args
         if op == "load":
-            array, k, *instant = args
-            place = f"(long){value(instant[0], 'i')}" if instant else ""
-            return self._address(array, k, place)
+            return self._address(*args)
         if op == "after":
             return f"c{args[0]}_{args[1]}[i]"
         if op == "cast":

@@ -5,6 +5,7 @@
 // 2e-7 of the result, log within 2e-7 where the result is below 1.
 #include <math.h>
 #include <stdint.h>
+#include <string.h>
 
 #if defined(__clang__)
 #define EVERY_LANE _Pragma("clang loop vectorize(enable)")
