@@ -1,8 +1,9 @@
 """The elementary functions of each number type the physics is evaluated on.
 
 The physics is written once, over components: a component is a Python float, a NumPy array
-over a batch axis, a CasADi symbol, a JAX array or a traced expression (``native.trace``).  Addition and multiplication work on all of
-them; the elementary functions below do not, so the physics takes them as an argument ``ops``.
+over a batch axis, a CasADi symbol, a JAX array or a traced expression (``native.trace``).
+Addition and multiplication work on all of them; the elementary functions below do not, so the
+physics takes them as an argument ``ops``.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ class Ops(Protocol):
     """Elementary functions on components; every backend provides exactly these.
 
     Beyond the functions of their names: ``coarse`` is a value in the precision of slopes, ``real``
-    the number that an integer is, ``cos_sin`` both of an angle, and ``iterate(count, body, carry)``
+    the number that an integer is, ``bits`` the integer of 32 bits without sign below a number,
+    ``cos_sin`` both of an angle, and ``iterate(count, body, carry)``
     is ``body(body(... carry))``, carry being nested tuples of components.
     """
 
@@ -38,6 +40,7 @@ class Ops(Protocol):
     floor: Any
     log: Any
     real: Any
+    bits: Any
     iterate: Any
 
 
@@ -77,6 +80,7 @@ FLOAT: Ops = SimpleNamespace(
     floor=math.floor,
     log=math.log,
     real=float,
+    bits=int,
     iterate=_iterate,
 )
 
@@ -98,6 +102,7 @@ NUMPY: Ops = SimpleNamespace(
     floor=np.floor,
     log=np.log,
     real=lambda a: a.astype(float),
+    bits=lambda a: a.astype(np.uint32),
     iterate=_iterate,
 )
 
@@ -129,6 +134,7 @@ def casadi_ops() -> Ops:
         floor=ca.floor,
         log=ca.log,
         real=lambda a: a,
+        bits=ca.floor,
         iterate=_iterate,
     )
 
@@ -137,13 +143,14 @@ def jax_ops() -> Ops:
     """Elementary functions on JAX arrays (JAX is imported here and not before)."""
     import jax.numpy as jnp
 
-    own = ("name", "cos_sin", "coarse", "real", "iterate")
+    own = ("name", "cos_sin", "coarse", "real", "bits", "iterate")
     names = [name for name in vars(NUMPY) if name not in own]
     return SimpleNamespace(
         name="jax",
         coarse=lambda a: a,
         cos_sin=lambda angle: (jnp.cos(angle), jnp.sin(angle)),
         real=lambda a: a.astype(float),
+        bits=lambda a: a.astype(np.uint32),
         iterate=_iterate,
         **{name: getattr(jnp, name) for name in names},
     )

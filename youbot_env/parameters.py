@@ -10,6 +10,7 @@ import math
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+from youbot_env.backend import FLOAT, Ops
 from youbot_env.dynamics import Theta
 from youbot_env.platform import Platform
 
@@ -64,19 +65,11 @@ class Parameters:
 
     @classmethod
     def from_theta(cls, theta: Theta, platform: Platform) -> Parameters:
-        """Invert ``theta``, of numbers or arrays; nothing is checked, an estimate may be impossible.
-
-        Without a mass beside the wheels the centre of mass is nowhere (NaN).
-        """
+        """Invert ``theta``, of components; nothing is checked, an estimate may be impossible."""
         m = theta.m0 - len(platform.wheels) * platform.wheel_mass
-        if getattr(m, "ndim", 0):
-            import numpy as np
-
-            m = np.where(m == 0.0, math.nan, m)
-        elif m == 0.0:
-            m = math.nan
-        offset = (theta.max / m, theta.may / m)
-        return cls(theta.m0, theta.I0, theta.I1, *offset, theta.mu1, theta.mu2)
+        if isinstance(m, float) and m == 0.0:
+            m = math.nan  # without a body its centre of mass is nowhere
+        return cls(theta.m0, theta.I0, theta.I1, theta.max / m, theta.may / m, *theta[5:])
 
     @classmethod
     def from_mapping(cls, values: dict, source: str = "parameters") -> Parameters:
@@ -104,30 +97,26 @@ class Parameters:
         """Return the seven values by name."""
         return asdict(self)
 
-    def violations(self, platform: Platform) -> dict[str, Any]:
-        """What is impossible: a truth value by rule, arrays where the parameters are arrays.
+    def rules(self, platform: Platform, ops: Ops) -> dict[str, Any]:
+        """What possible parameters keep, by rule, as truth values or components of these.
 
-        The rules: finite and positive values by name, then of what is left ``weight`` (the wheels
-        alone weigh more), ``balance`` (the robot tips over) and ``inertia`` (less than the offset of
-        the centre of mass gives).
+        ``finite m0``, ``positive m0`` and so on; ``weight`` (more than the wheels alone),
+        ``balance`` (the centre of mass is above the wheels' polygon) and ``inertia`` (more than
+        the offset of the centre of mass alone gives).
         """
-        import numpy as np
-
-        found: dict[str, Any] = {}
+        kept: dict[str, Any] = {}
         for name in ("m0", "I0", "I1", "mu1", "mu2"):
             value = getattr(self, name)
-            found[f"{name} finite"] = ~np.isfinite(value)
-            low = value <= 0 if name in ("m0", "I0") else value < 0
-            found[f"{name} positive"] = np.isfinite(value) & low
+            kept[f"finite {name}"] = ops.abs(value) < math.inf
+            kept[f"positive {name}"] = value > 0 if name in ("m0", "I0") else value >= 0
         body = self.m0 - len(platform.wheels) * platform.wheel_mass
-        weight = np.logical_not(body > 0)
-        balance = ~weight & ~platform.contains(self.a_x, self.a_y)
-        own = body * (self.a_x**2 + self.a_y**2)
-        inertia = ~weight & ~balance & (self.I0 > 0) & (own >= self.I0)
-        return found | {"weight": weight, "balance": balance, "inertia": inertia}
+        own = body * (self.a_x * self.a_x + self.a_y * self.a_y)
+        balance = platform.contains(self.a_x, self.a_y, ops)
+        return kept | {"weight": body > 0, "balance": balance, "inertia": own < self.I0}
 
     def problems(self, platform: Platform) -> list[str]:
         """Say in words what makes these parameters impossible; empty when nothing does."""
+        broken = [rule for rule, kept in self.rules(platform, FLOAT).items() if not kept]
         wheels = len(platform.wheels) * platform.wheel_mass
         own = (self.m0 - wheels) * (self.a_x**2 + self.a_y**2)
         words = {
@@ -140,9 +129,15 @@ class Parameters:
         }
         for name in ("m0", "I0", "I1", "mu1", "mu2"):
             value = getattr(self, name)
-            words[f"{name} finite"] = f"{name} = {value} is not finite"
-            words[f"{name} positive"] = f"{name} = {value:.6g} {UNITS[name]} must be positive"
-        return [words[rule] for rule, wrong in self.violations(platform).items() if wrong]
+            words[f"finite {name}"] = f"{name} = {value} is not finite"
+            if math.isfinite(value):
+                words[f"positive {name}"] = f"{name} = {value:.6g} {UNITS[name]} must be positive"
+        # Each of these follows from the one before it, or says nothing without it.
+        chain = [rule for rule in ("weight", "balance", "inertia") if rule in broken][:1]
+        if chain == ["inertia"] and not self.I0 > 0:
+            chain = []
+        single = [rule for rule in broken if " " in rule and rule in words]
+        return [words[rule] for rule in (*single, *chain)]
 
     def check(self, platform: Platform) -> Parameters:
         """Return self when possible.

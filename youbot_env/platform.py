@@ -160,19 +160,21 @@ class Platform:
 
         return np.array(self.geometry.jacobian)
 
-    def contains(self, x, y) -> Any:
-        """Tell whether points (x, y) m lie inside the polygon of the wheel centres, elementwise."""
-        import numpy as np
+    @cached_property
+    def outline(self) -> tuple[tuple[float, float], ...]:
+        """Wheel centres (x, y), m, counter-clockwise."""
+        count = len(self.wheels)
+        x, y = (sum(getattr(w, axis) for w in self.wheels) / count for axis in ("x", "y"))
+        around = sorted(self.wheels, key=lambda wheel: math.atan2(wheel.y - y, wheel.x - x))
+        return tuple((wheel.x, wheel.y) for wheel in around)
 
-        points = np.array([(wheel.x, wheel.y) for wheel in self.wheels])
-        centre = points.mean(axis=0)
-        points = points[np.argsort(np.arctan2(*(points - centre).T[::-1]))]
-        edges = np.roll(points, -1, axis=0) - points
-        left = [
-            edge[0] * (y - point[1]) - edge[1] * (x - point[0]) >= 0
-            for edge, point in zip(edges, points, strict=True)
-        ]
-        return np.logical_and.reduce(left)
+    def contains(self, x, y, ops: Ops = FLOAT) -> Any:
+        """Tell whether the point (x, y) m, of components, lies in the polygon of the wheels."""
+        corners, inside = self.outline, None
+        for (ax, ay), (bx, by) in zip(corners, (*corners[1:], corners[0]), strict=True):
+            left = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+            inside = left if inside is None else ops.minimum(inside, left)
+        return inside >= 0.0
 
 
 def wheel_rows(

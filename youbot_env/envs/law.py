@@ -5,18 +5,18 @@ The vector environment evaluates these functions on arrays, or on what is traced
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from youbot_env.backend import Ops
-from youbot_env.envs.noise import noise
+from youbot_env.envs.noise import KEYS, noise, noise_keys
 from youbot_env.envs.options import EpisodeOptions
+from youbot_env.envs.randomization import Randomization
 from youbot_env.envs.settings import TrackingSettings
 from youbot_env.envs.task import TrackingTask
 from youbot_env.model import Model
 from youbot_env.plant import BoundModel, ModelStructure, State
-from youbot_env.references import Motion, Reference
+from youbot_env.references import Reference
 from youbot_env.simulation import WheelLoop, choose_substeps
 from youbot_env.simulation.analytic import history_length
 from youbot_env.stepping import advance
@@ -45,7 +45,7 @@ class Law:
         structure: its platform and effects.
         task, reference, wheel_loop: see ``TrackingSettings``.
         noise_scale: standard deviations of the first six observations, or None.
-        drawn: whether each episode has a robot of its own.
+        randomization: draws a robot for each episode, or None.
         substeps: Runge-Kutta steps of a period.
         history: torque commands that a delay needs.
     """
@@ -56,7 +56,7 @@ class Law:
     reference: Reference
     wheel_loop: WheelLoop
     noise_scale: tuple[float, ...] | None
-    drawn: bool
+    randomization: Randomization | None
     substeps: int
     history: int
 
@@ -64,15 +64,16 @@ class Law:
     def of(cls, settings: TrackingSettings) -> Law:
         """The law of an environment's arguments."""
         model, task = settings.robot, settings.task
-        structure, drawn = ModelStructure.of(model), settings.randomization is not None
-        if drawn:
+        structure = ModelStructure.of(model)
+        if settings.randomization is not None:
             acting = [effect for effect in structure.effects if effect.acts("delay")]
             longest = sum(effect.parameters[0].bounds[1] for effect in acting)
         else:
             longest = structure.bind(model.values()).delay()
         scale = None if settings.noise is None else tuple(settings.noise.tolist())
         return cls(
-            model, structure, task, settings.followed, settings.loop, scale, drawn,
+            model, structure, task, settings.followed, settings.loop, scale,
+            settings.randomization,
             choose_substeps(model, task.dt), history_length(structure, longest, task.dt),
         )  # fmt: skip
 
@@ -85,13 +86,38 @@ class Law:
         """Number of wheels."""
         return len(self.task.platform.wheels)
 
-    def start(self, first: Motion, offset: tuple, chosen: EpisodeOptions, ops: Ops) -> State:
-        """State of a robot at the start of an episode whose reference begins with ``first``."""
-        return self.structure.rest(*chosen.start(first, offset, ops))
+    @property
+    def draws(self) -> int:
+        """How many numbers an episode takes beside those of its robot."""
+        of_noise = 0 if self.noise_scale is None else KEYS
+        return self.reference_draws + 3 + of_noise
 
-    def drawn_values(self, numbers: Iterator, ops: Ops) -> list:
-        """Values of the reference of an episode from numbers drawn in [0, 1)."""
-        return self.reference.drawn(numbers, ops)
+    @property
+    def reference_draws(self) -> int:
+        """How many of them, the first ones, are those of the reference."""
+        return 0 if self.reference.constant is not None else self.reference.draws or 0
+
+    def start(
+        self, followed, numbers, chosen: EpisodeOptions, ops: Ops
+    ) -> tuple[list, State, tuple]:
+        """The start of an episode.
+
+        Args:
+            followed: values of the reference, or None to make them of ``numbers``.
+            numbers: ``draws`` components in [0, 1).
+            chosen: what the user said.
+            ops: elementary functions.
+
+        Returns:
+            ``(values of the reference, state, keys of the noise)``.
+        """
+        count = self.reference_draws
+        if followed is None:
+            followed = self.reference.drawn(iter(numbers[:count]), ops)
+        first = self.reference.evaluate(followed, 0.0, ops)
+        pose, velocity = chosen.start(first, chosen.offset_from(numbers[count : count + 3]), ops)
+        state = self.structure.rest(pose, velocity)
+        return followed, state, noise_keys(numbers[count + 3 :], ops)
 
     def torque(
         self, robot: BoundModel, state: State, before: tuple, action: tuple, integral: tuple, t,

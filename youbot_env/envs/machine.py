@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from youbot_env.envs.law import Law
 from youbot_env.envs.options import EpisodeOptions
 from youbot_env.native import build
-from youbot_env.native.emit import PRELUDE, Array, Copied, Output, function_text, read
-from youbot_env.native.trace import Graph, Node, tracing_ops
+from youbot_env.native.emit import DRAW, PRELUDE, Array, Copied, Output, function_text, read
+from youbot_env.native.trace import Graph, Node, NotTraceable, tracing_ops
 from youbot_env.plant import BoundModel, State
 
 
@@ -26,8 +26,8 @@ class Machine:
     """Compiled functions, each ``f(pointers, numbers, sizes)``; see ``emit.function_text``.
 
     Attributes:
-        functions: ``step`` (all robots), ``start`` and ``look`` (some), ``fill`` and ``fill chosen``
-            (where references are kept in rings), ``draw``.
+        functions: ``step`` (all robots), ``look``, ``draw`` and ``start`` (some), ``robots`` (where
+            each episode draws one), ``fill`` and ``fill chosen`` (where references lie in rings).
         slots: place of each pointer by name.
         places: place of each number by name.
     """
@@ -46,16 +46,16 @@ def machine_of(law: Law, table: bool) -> Machine:
 
     Raises:
         NoCompiler: C cannot be compiled here.
-        NotTraceable, TypeError: an effect does what cannot be traced.
+        NotTraceable: an effect does what cannot be traced.
     """
     tracer = _Tracer(law, table)
-    names = tracer.trace()
-    library = build.load("\n".join((PRELUDE, *tracer.texts)))
     functions = {}
-    for name in (*names, "draw"):
-        function = getattr(library, name.replace(" ", "_"))
-        function.argtypes, function.restype = [ctypes.c_void_p] * 3, None
-        functions[name] = function
+    for names, texts, flags in tracer.traced():
+        library = build.load("\n".join((PRELUDE, *texts)), flags)
+        for name in names:
+            function = getattr(library, name.replace(" ", "_"))
+            function.argtypes, function.restype = [ctypes.c_void_p] * 3, None
+            functions[name] = function
     return Machine(functions, tracer.slots, tracer.places)
 
 
@@ -69,22 +69,40 @@ class _Tracer:
         self.texts: list[str] = []
         self.held = max(law.history, 2)
         # Pointers that are always set have a slot even where no function reads them.
+        for name in ("generators", "numbers", "state", "next", "integral", "next integral"):
+            self._slot(name)
         for k in range(self.held):
             self._slot(f"command {k}")
-        for name in ("state", "next", "integral", "next integral", "actions"):
-            self._slot(name)
+        self.places["draws"] = 0
 
-    def trace(self) -> list[str]:
-        """Write all functions; returns their names."""
+    def traced(self) -> list:
+        """All of ``trace``, with one error for whatever a law does that cannot be traced."""
+        try:
+            return list(self.trace())
+        except (TypeError, AttributeError, ValueError) as error:
+            raise NotTraceable(f"a law cannot be traced ({error})") from error
+
+    def trace(self) -> Iterator[tuple[list[str], list[str], tuple[str, ...]]]:
+        """Write the functions: names, texts and how they may be compiled, one library each.
+
+        The ends of an episode depend on settings of the user, a period on the effects: the second
+        takes longest to compile and serves more often.
+        """
         self._step()
         self._look()
+        yield ["step", "look"], self.texts, build.FINITE
+        self.texts = [DRAW]
+        names = ["draw", "start"]
         self._start()
-        names = ["step", "look", "start"]
+        randomization = self.law.randomization
+        if randomization is not None and randomization.drawn_together(self.law.model):
+            self._robots()
+            names.append("robots")
         if not self.table:
             self._fill("fill", chosen=False)
             self._fill("fill chosen", chosen=True)
             names += ["fill", "fill chosen"]
-        return names
+        yield names, self.texts, ()
 
     # Arrays and numbers
 
@@ -125,7 +143,7 @@ class _Tracer:
 
     def _robot(self) -> BoundModel:
         structure = self.law.structure
-        if self.law.drawn:
+        if self.law.randomization is not None:
             return structure.bind(self._read("values", "f", structure.value_count))
         return structure.bind(self._number(f"value {k}") for k in range(structure.value_count))
 
@@ -199,31 +217,48 @@ class _Tracer:
     def _start(self) -> None:
         law, reference = self.law, self.law.reference
         self._begin()
-        ops = self.ops
+        ops, followed = self.ops, None
         if reference.constant is not None:
-            values = [self._number(f"followed {k}") for k in range(reference.size)]
+            followed = [self._number(f"followed {k}") for k in range(reference.size)]
         elif reference.draws is None:
-            values = self._read("numbers", "d", reference.size, layout="packed")
-        else:
-            numbers = self._read("numbers", "d", reference.draws, layout="packed")
-            values = law.drawn_values(iter(numbers), ops)
-        first = reference.evaluate(values, 0.0, ops)
-        offset = self._read("offset", "d", 3, layout="packed")
-        start = law.start(first, offset, EpisodeOptions(follow=True), ops)
-        follows = self._number("follow") > 0.5
-        velocity = tuple(
-            ops.where(follows, v, self._number(f"velocity {k}"))
-            for k, v in enumerate(start.velocity)
+            followed = self._read("given", "d", reference.size, layout="packed")
+        numbers = self._read("numbers", "d", law.draws, layout="packed")
+        # Traced with the offset that is drawn and the reference's velocity, and with given ones.
+        given = EpisodeOptions(
+            offset=tuple(self._number(f"offset {k}") for k in range(3)),
+            velocity=tuple(self._number(f"velocity {k}") for k in range(3)),
         )
-        start = start._replace(velocity=velocity)
+        follows, displaced = self._number("follow") > 0.5, self._number("displace") > 0.5
+        usual = EpisodeOptions(follow=True)
+        followed, start, keys = law.start(followed, numbers, usual, ops)
+        _, placed, _ = law.start(followed, numbers, given, ops)
+        pose, velocity = (
+            tuple(ops.where(condition, a, b) for a, b in zip(one, other, strict=True))
+            for condition, one, other in (
+                (displaced, placed.pose, start.pose),
+                (follows, start.velocity, placed.velocity),
+            )
+        )
+        start = start._replace(pose=pose, velocity=velocity)
         self._write("state", "d", law.structure.flatten(start))
         self._write("integral", "d", (0.0,) * law.wheels)
         for k in range(self.held):
             self._write(f"command {k}", "f", (0.0,) * law.wheels)
         self._write("steps", "i", [0.0])
+        if keys:
+            self._write("keys", "i", keys)
         if not self.table:
-            self._write("followed", "d", values)
+            self._write("followed", "d", followed)
         self._end("start", chosen=True)
+
+    def _robots(self) -> None:
+        model, randomization = self.law.model, self.law.randomization
+        self._begin()
+        numbers = self._read("numbers", "d", randomization.draws(model), layout="packed")
+        values, possible = randomization.candidate(model, numbers, self.ops)
+        self._write("values", "f", values)
+        self._write("", "b", [possible], self._array("possible", "b", 1, "packed"))
+        self._end("robots", chosen=True)
 
     def _fill(self, name: str, chosen: bool) -> None:
         law = self.law

@@ -29,15 +29,16 @@ def noise_scale(sensors: Sensors, platform: Platform) -> np.ndarray:
     return np.array([sensors.position, sensors.position, sensors.yaw, *velocity])
 
 
-def noise_keys(numbers: np.ndarray) -> np.ndarray:
-    """Keys (KEYS, ...) uint32 of the noise of episodes, from numbers drawn in [0, 1)."""
-    return (numbers * 2.0**32).astype(np.uint32)
+def noise_keys(numbers, ops: Ops) -> tuple:
+    """Keys of the noise of an episode, uint32, from ``KEYS`` numbers drawn in [0, 1)."""
+    return tuple(ops.bits(number * 2.0**32) for number in numbers)
 
 
-def noise_block(scale: np.ndarray, keys: np.ndarray, begin: int) -> np.ndarray:
+def noise_block(scale: np.ndarray, keys: tuple, begin: int) -> np.ndarray:
     """Noise of ``BLOCK`` steps of one episode from step ``begin`` on, (BLOCK, 6)."""
     steps = np.arange(begin, begin + BLOCK, dtype=np.uint32)
-    return np.stack(noise(scale.tolist(), tuple(keys[:, None]), steps, NUMPY), axis=1)
+    keys = tuple(np.array([key], np.uint32) for key in keys)
+    return np.stack(noise(scale.tolist(), keys, steps, NUMPY), axis=1)
 
 
 def noise(scale, keys: tuple, step, ops: Ops) -> tuple:

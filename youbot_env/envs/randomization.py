@@ -3,36 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import operator
 from dataclasses import dataclass
+from functools import reduce
+from typing import Any
 
 import numpy as np
 
 from youbot_env.arguments import check_names
+from youbot_env.backend import FLOAT, Ops, weighted_sum
 from youbot_env.dynamics import Theta
 from youbot_env.effects import get_effect
 from youbot_env.model import Model
 from youbot_env.parameters import ImpossibleParameters, Parameters
 
 TRIES = 200
-# Draws numbers in [0, 1) for some robots: (how many each, which robots) -> (how many, robots).
-Numbers = Callable[[int, np.ndarray], np.ndarray]
 
 
 class Randomization:
     """Draws a model around a given one.
 
-    A subclass states how many random numbers a robot takes and makes its values from them; then
-    many robots are drawn at once.  One that overrides ``propose`` instead works as well, one robot
-    after the other.
+    A subclass states how many random numbers a robot takes and makes its values from them, by a
+    function over components; then many robots are drawn at once.  One that overrides ``propose``
+    instead works as well, one robot after the other.
     """
 
     def draws(self, model: Model) -> int | None:
         """How many numbers ``values`` takes for a robot; None where only ``propose`` is known."""
         return None
 
-    def values(self, model: Model, numbers: np.ndarray) -> np.ndarray:
-        """Values (V, n) in the order of ``model.names()`` from numbers (K, n) drawn in [0, 1)."""
+    def values(self, model: Model, numbers, ops: Ops) -> list:
+        """Values in the order of ``model.names()``, components, from numbers drawn in [0, 1)."""
         raise NotImplementedError
 
     def propose(self, model: Model, rng: np.random.Generator) -> Model:
@@ -40,7 +41,7 @@ class Randomization:
         count = self.draws(model)
         if count is None:
             raise NotImplementedError
-        return model.with_values(self.values(model, rng.random((count, 1)))[:, 0])
+        return model.with_values(self.values(model, rng.random(count).tolist(), FLOAT))
 
     def draw(self, model: Model, rng: np.random.Generator) -> Model:
         """Return a possible robot; impossible draws are drawn again.
@@ -53,49 +54,38 @@ class Randomization:
             problems = candidate.parameters.problems(candidate.platform)
             if not problems:
                 return candidate
-        raise _too_wide(problems)
+        raise ImpossibleParameters(
+            f"randomization found no possible robot in {TRIES} draws, the last had: "
+            f"{'; '.join(problems)}; narrow it"
+        )
 
-    def draw_many(self, model: Model, numbers: Numbers, count: int) -> np.ndarray | None:
-        """Values (V, n) of possible robots, each as ``draw`` gives it with its generator.
+    def drawn_together(self, model: Model) -> bool:
+        """Whether ``candidate`` says all of how a robot is drawn."""
+        kind, base = type(self), Randomization
+        own = kind.propose is not base.propose or kind.draw is not base.draw
+        return not own and self.draws(model) is not None
 
-        Args:
-            model: the robot drawn around.
-            numbers: draws from the generators of the robots.
-            count: n.
-
-        Returns:
-            None where only ``propose`` is known.
-
-        Raises:
-            ImpossibleParameters: see ``draw``.
-        """
-        each, kind = self.draws(model), type(self)
-        own = kind.propose is not Randomization.propose or kind.draw is not Randomization.draw
-        if each is None or own:
-            return None
-        left, result = np.arange(count), np.empty((len(model.names()), count))
-        for _ in range(TRIES):
-            result[:, left] = self.values(model, numbers(each, left))
-            parameters = Parameters.from_theta(Theta(*result[:7, left]), model.platform)
-            wrong = np.logical_or.reduce(list(parameters.violations(model.platform).values()))
-            if not wrong.any():
-                return result
-            left = left[wrong]
-        last = model.with_values(result[:, left[0]])
-        raise _too_wide(last.parameters.problems(model.platform))
+    def candidate(self, model: Model, numbers, ops: Ops) -> tuple[list, Any]:
+        """What ``draw`` does once, over components: values, and whether they are possible."""
+        values = self.values(model, numbers, ops)
+        parameters = Parameters.from_theta(Theta(*values[:7]), model.platform)
+        rules = parameters.rules(model.platform, ops).values()
+        return values, reduce(operator.and_, rules)
 
 
-def _too_wide(problems: list[str]) -> ImpossibleParameters:
-    return ImpossibleParameters(
-        f"randomization found no possible robot in {TRIES} draws, the last had: "
-        f"{'; '.join(problems)}; narrow it"
-    )
+def _normal(numbers, ops: Ops) -> list:
+    """Standard normal numbers from twice as many uniform ones, by Box and Muller."""
+    pairs = zip(numbers[0::2], numbers[1::2], strict=True)
+    return [ops.sqrt(-2.0 * ops.log(1.0 - a)) * ops.cos(2.0 * math.pi * b) for a, b in pairs]
 
 
-def _normal(numbers: np.ndarray) -> np.ndarray:
-    """Standard normal numbers (K, n) from uniform ones (2 K, n), by Box and Muller."""
-    length = np.sqrt(-2.0 * np.log1p(-numbers[0::2]))
-    return length * np.cos(2.0 * math.pi * numbers[1::2])
+def _bounded(name: str, value, ops: Ops):
+    """The value of an effect's parameter (``effect.parameter``) within its bounds."""
+    group, _, key = name.rpartition(".")
+    if not group:
+        return value
+    low, high = get_effect(group).parameter_of(key).bounds
+    return ops.minimum(ops.maximum(value, low), high)
 
 
 @dataclass(frozen=True)
@@ -129,27 +119,25 @@ class Independent(Randomization):
         """See the base class."""
         return sum(2 if kind == "normal" else 1 for kind, _, _ in self.spec.values())
 
-    def values(self, model: Model, numbers: np.ndarray) -> np.ndarray:
+    def values(self, model: Model, numbers, ops: Ops) -> list:
         """See the base class."""
         parameters = model.parameters.as_dict()
         effects = {f"{e.identifier}.{k}": v for e in model.effects for k, v in e.values.items()}
-        known, at = parameters | effects, 0
+        known: dict[str, Any] = parameters | effects
+        at = 0
         for name, (kind, a, b) in self.spec.items():
             if name not in known:
                 raise ValueError(f"randomization of {name!r}: the model has {[*known]}")
+            a, b = float(a), float(b)
             if kind == "normal":
-                drawn = a + b * _normal(numbers[at : at + 2])[0]
+                (share,) = _normal(numbers[at : at + 2], ops)
+                drawn, at = a + b * share, at + 2
             else:
-                drawn = a + (b - a) * numbers[at]
+                drawn, at = a + (b - a) * numbers[at], at + 1
                 drawn = drawn * known[name] if kind == "scale" else drawn
-            at += 2 if kind == "normal" else 1
-            group, _, key = name.rpartition(".")
-            if group:
-                drawn = np.clip(drawn, *get_effect(group).parameter_of(key).bounds)
-            known[name] = drawn
+            known[name] = _bounded(name, drawn, ops)
         theta = Parameters(*(known[name] for name in parameters)).theta(model.platform)
-        rows = (*theta, *(known[name] for name in effects))
-        return np.array([np.broadcast_to(row, numbers.shape[1:]) for row in rows])
+        return [*theta, *(known[name] for name in effects)]
 
 
 @dataclass(frozen=True)
@@ -166,23 +154,22 @@ class Posterior(Randomization):
         """See the base class."""
         return 2 * len(model.names())
 
-    def values(self, model: Model, numbers: np.ndarray) -> np.ndarray:
+    def values(self, model: Model, numbers, ops: Ops) -> list:
         """See the base class; the model's covariance is over ``Model.names()``."""
         if model.covariance is None:
             raise ValueError(
                 f"model {model.name!r} has no covariance; identify it (youbot identify) first"
             )
         covariance = np.array(model.covariance, float) * self.widen**2
-        mean = np.array(model.values())
-        if covariance.shape != (mean.size, mean.size):
+        mean = model.values()
+        if covariance.shape != (len(mean),) * 2:
             raise ValueError(
-                f"model {model.name!r}: covariance is {covariance.shape}, it has {mean.size} values"
+                f"model {model.name!r}: covariance is {covariance.shape}, it has {len(mean)} values"
             )
         squares, axes = np.linalg.eigh(covariance)
-        root = axes * np.sqrt(np.maximum(squares, 0.0))
-        drawn = mean[:, None] + root @ _normal(numbers)
-        for at, name in enumerate(model.names()):
-            group, _, key = name.rpartition(".")
-            if group:
-                drawn[at] = np.clip(drawn[at], *get_effect(group).parameter_of(key).bounds)
-        return drawn
+        root = (axes * np.sqrt(np.maximum(squares, 0.0))).tolist()
+        normal = _normal(numbers, ops)
+        drawn = [m + weighted_sum(row, normal) for m, row in zip(mean, root, strict=True)]
+        return [
+            _bounded(name, value, ops) for name, value in zip(model.names(), drawn, strict=True)
+        ]

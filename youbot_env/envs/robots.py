@@ -1,7 +1,7 @@
 """Many robots of tracking environments advanced together, by NumPy or by machine code.
 
-Both kinds have one face and follow one ``Law``.  Machine code is a trace of the law, so it needs a C
-compiler; NumPy needs nothing and takes 5 to 50 times as long.
+Both kinds have one face and follow one ``Law``.  Machine code is a trace of the law, so it needs a
+C compiler; NumPy needs nothing and takes 5 to 50 times as long.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import numpy as np
 
 from youbot_env.backend import NUMPY, NUMPY_FAST
 from youbot_env.envs.law import Law
-from youbot_env.envs.machine import Machine, address, machine_of
+from youbot_env.envs.machine import address, machine_of
 from youbot_env.envs.options import EpisodeOptions
+from youbot_env.envs.randomization import TRIES
 from youbot_env.envs.seen import Seen, SeenLayout
 from youbot_env.native.build import NoCompiler
 from youbot_env.native.trace import NotTraceable
 from youbot_env.plant import State
-from youbot_env.references import Motion
 
 # Rows beyond which a table of the whole episode is not worth its memory.
 LONGEST_TABLE = 20_000
@@ -35,7 +35,7 @@ def make_robots(law: Law, copies: int, steps: int, compiled: bool) -> Robots:
         except NoCompiler as error:
             remedy = "install one (gcc or clang) and the same code runs 5 to 50 times faster"
             _tell(f"vector environments are evaluated by NumPy: {error}; {remedy}")
-        except (NotTraceable, TypeError) as error:
+        except NotTraceable as error:
             remedy = "write the law with ops alone and it runs 5 to 50 times faster"
             _tell(f"this vector environment is evaluated by NumPy: {error}; {remedy}")
     return ArrayRobots(law, copies, steps)
@@ -49,15 +49,17 @@ def _tell(words: str) -> None:
 
 
 class Robots:
-    """What both kinds share: the memory of states, references and counters.
+    """What both kinds share: the memory of references and counters, and random numbers.
 
     Attributes:
         law: what the robots follow.
         values: of the models, (V,) or, where each episode draws a robot, (V, n).
+        generators: one a robot; its random numbers are drawn in the order of need.
     """
 
     def __init__(self, law: Law, copies: int, steps: int):
         self.law, self.copies, self.most_steps = law, copies, steps
+        self.generators: list[np.random.Generator] = []
         observed = law.task.observation_space.shape[0]
         self.layout = SeenLayout(copies, observed, law.wheels)
         width, task = self.layout.width, law.task
@@ -68,7 +70,9 @@ class Robots:
         self._commands = np.zeros((self._held, law.wheels, width), np.float32)
         self._newest = 0
         nominal = np.array(law.model.values())
-        self.values = np.repeat(nominal[:, None], width, axis=1) if law.drawn else nominal
+        self.values = nominal
+        if law.randomization is not None:
+            self.values = np.repeat(nominal[:, None].astype(np.float32), width, axis=1)
         self._size, self._head = task.preview_length + 1, 0
         constant = law.reference.constant
         self._table = constant is not None and steps <= LONGEST_TABLE
@@ -87,31 +91,25 @@ class Robots:
             self._poses = np.zeros((self._size, 3, width))
             self._twists = np.zeros((self._size, width, 3), np.float32)
 
-    machine: Machine | None = None
-
     @property
     def state(self) -> State:
         """Components (n,) of the state, in place."""
         raise NotImplementedError
 
-    def set_values(self, rows: np.ndarray, values: np.ndarray) -> None:
-        """Give some robots values (V, rows) of their models."""
-        raise NotImplementedError
+    def begin(self, rows: np.ndarray, chosen: EpisodeOptions) -> None:
+        """Start episodes of some robots (int32); each draws from its generator alone."""
+        law, reference, followed = self.law, self.law.reference, None
+        if law.randomization is not None:
+            self._renew_values(rows)
+        if reference.constant is not None:
+            followed = reference.constant
+        elif reference.draws is None:
+            followed = np.array([reference.draw(rng) for rng in self._of(rows)]).T.copy()
+        self._start(rows, followed, self.draw(rows, law.draws), chosen)
 
-    def begin(
-        self, rows: np.ndarray, numbers: np.ndarray, followed: np.ndarray | None,
-        keys: np.ndarray, chosen: EpisodeOptions,
-    ) -> None:  # fmt: skip
-        """Start episodes of some robots.
-
-        Args:
-            rows: which, int32.
-            numbers: drawn in [0, 1), (draws + 3, rows): of the reference, then of the offset.
-            followed: values of the reference (P, rows), where these are not made of ``numbers``.
-            keys: of the noise, (2, rows) uint32.
-            chosen: what the user said.
-        """
-        raise NotImplementedError
+    def reseed(self, generators: list[np.random.Generator]) -> None:
+        """Take other generators."""
+        self.generators = generators
 
     def step(self, actions: np.ndarray) -> Seen:
         """One period with actions (n, k), finite numbers, float32."""
@@ -120,6 +118,37 @@ class Robots:
     def look(self, rows: np.ndarray, seen: Seen) -> None:
         """Write what some robots see now, without reward and ends."""
         raise NotImplementedError
+
+    def draw(self, rows: np.ndarray, count: int) -> np.ndarray:
+        """The next numbers (count, rows) in [0, 1) of some robots, as ``Generator.random``."""
+        return np.array([rng.random(count) for rng in self._of(rows)]).T
+
+    def _of(self, rows: np.ndarray) -> list[np.random.Generator]:
+        return [self.generators[i] for i in rows.tolist()]
+
+    def _start(self, rows, followed, numbers, chosen: EpisodeOptions) -> None:
+        """See ``Law.start``; ``followed`` is (P,), (P, rows) or None."""
+        raise NotImplementedError
+
+    def _renew_values(self, rows: np.ndarray) -> None:
+        """Draw robots as ``Randomization.draw`` does."""
+        law, left = self.law, rows
+        if law.randomization.drawn_together(law.model):
+            for _ in range(TRIES):
+                left = left[~self._candidates(left)]
+                if not left.size:
+                    return
+        # One robot after the other; where it must fail it says why.
+        drawn = [law.randomization.draw(law.model, rng).values() for rng in self._of(left)]
+        self.values[:, left] = np.array(drawn).T
+
+    def _candidates(self, rows: np.ndarray) -> np.ndarray:
+        """Draw values once; returns for each robot whether they are possible."""
+        law = self.law
+        numbers = self.draw(rows, law.randomization.draws(law.model))
+        values, possible = law.randomization.candidate(law.model, numbers, NUMPY)
+        self.values[:, rows] = [np.broadcast_to(value, rows.shape) for value in values]
+        return np.broadcast_to(possible, rows.shape)
 
     def _clipped(self, twists: np.ndarray) -> np.ndarray:
         """Twists (..., 3) as observations show them."""
@@ -130,9 +159,6 @@ class Robots:
     def _strides(self) -> np.ndarray:
         """Periods from now to what is seen of the reference."""
         return np.arange(self.law.task.preview + 1) * self.law.task.preview_stride
-
-    def _offset(self, numbers: np.ndarray, chosen: EpisodeOptions) -> np.ndarray:
-        return np.ascontiguousarray(chosen.offset_from(numbers[-3:].T).T)
 
 
 class ArrayRobots(Robots):
@@ -149,52 +175,39 @@ class ArrayRobots(Robots):
         """See the base class."""
         return self._state
 
-    def set_values(self, rows: np.ndarray, values: np.ndarray) -> None:
-        """Values (V, rows) of some robots."""
-        self.values[:, rows] = values
+    def _bind(self) -> None:
+        drawn = self.law.randomization is not None
+        values = self.values[:, : self.copies] if drawn else self.values.tolist()
+        self._robot = self.law.structure.bind(values)
+
+    def _renew_values(self, rows) -> None:
+        super()._renew_values(rows)
         self._bind()
 
-    def _bind(self) -> None:
-        law, n = self.law, self.copies
-        values = self.values[:, :n].astype(np.float32) if law.drawn else self.values.tolist()
-        self._robot = law.structure.bind(values)
-
-    def begin(self, rows, numbers, followed, keys, chosen) -> None:
+    def _start(self, rows, followed, numbers, chosen) -> None:
         """See the base class."""
-        law = self.law
-        if self._table:
-            motion = law.reference.evaluate(law.reference.constant.tolist(), np.zeros(1), NUMPY)
-            first = Motion(*(tuple(np.ravel(c)[:1] for c in part) for part in motion))
-        else:
-            first = self._follow(rows, self._reference_values(numbers, followed, len(rows)))
-        start = law.start(first, tuple(self._offset(numbers, chosen)), chosen, NUMPY)
-        pairs = zip(law.structure.flatten(self._state), law.structure.flatten(start), strict=True)
+        structure = self.law.structure
+        followed, start, keys = self.law.start(followed, numbers, chosen, NUMPY)
+        pairs = zip(structure.flatten(self._state), structure.flatten(start), strict=True)
         for component, value in pairs:
             component[rows] = value
         self._commands[:, :, rows], self._integral[:, rows] = 0.0, 0.0
         self.steps[rows] = 0
-        if law.noise_scale is not None:
-            self._keys[:, rows] = keys
+        for own, key in zip(self._keys, keys, strict=False):
+            own[rows] = key
+        if not self._table:
+            values = np.array([np.broadcast_to(value, rows.shape) for value in followed])
+            self._follow(rows, values)
 
-    def _reference_values(self, numbers, followed, count: int) -> np.ndarray:
-        if followed is None:
-            followed = self.law.drawn_values(iter(numbers), NUMPY)
-        return np.array([np.broadcast_to(value, count) for value in followed])
-
-    def _follow(self, rows: np.ndarray, values: np.ndarray) -> Motion:
-        """Give some robots values of their references; returns the motion at time 0."""
+    def _follow(self, rows: np.ndarray, values: np.ndarray) -> None:
+        """Give some robots values of their references."""
         self._followed[:, rows] = values
         shape = (self._size, len(rows))
         times = np.arange(self._size)[:, None] * self.law.task.dt
         motion = self.law.reference.evaluate(list(values), times, NUMPY)
         slots = ((self._head + np.arange(self._size)) % self._size)[:, None]
-        pose, twist = (
-            np.stack([np.broadcast_to(c, shape) for c in part], axis=-1)
-            for part in (motion.pose, motion.twist(NUMPY))
-        )
-        self._poses[slots, :, rows] = pose
-        self._twists[slots, rows] = self._clipped(twist)
-        return Motion(*(tuple(np.broadcast_to(c, shape)[0] for c in part) for part in motion))
+        self._poses[slots, :, rows] = _rows(motion.pose, shape)
+        self._twists[slots, rows] = self._clipped(_rows(motion.twist(NUMPY), shape))
 
     def step(self, actions) -> Seen:
         """See the base class."""
@@ -216,7 +229,7 @@ class ArrayRobots(Robots):
             for k in range(1, law.history)
         ]
         self._state = law.advance(self._robot, self._state, tuple(commands), time, NUMPY_FAST)
-        self.steps[: self.copies] += 1
+        self.steps[:n] += 1
         if not self._table:
             self._move_on()
         seen = self.layout.new()
@@ -231,9 +244,8 @@ class ArrayRobots(Robots):
         """The oldest slot of the rings takes the newest preview."""
         ahead = (self.steps + float(self.law.task.preview_length)) * self.law.task.dt
         motion = self.law.reference.evaluate(list(self._followed), ahead, NUMPY)
-        shape = ahead.shape
-        self._poses[self._head] = _rows(motion.pose, shape).T
-        self._twists[self._head] = self._clipped(_rows(motion.twist(NUMPY), shape))
+        self._poses[self._head] = _rows(motion.pose, ahead.shape).T
+        self._twists[self._head] = self._clipped(_rows(motion.twist(NUMPY), ahead.shape))
         self._head = (self._head + 1) % self._size
 
     def look(self, rows, seen) -> None:
@@ -273,15 +285,16 @@ class CompiledRobots(Robots):
     def __init__(self, law: Law, copies: int, steps: int):
         super().__init__(law, copies, steps)
         size, width = law.structure.state_size, self.layout.width
-        if law.drawn:
-            self.values = self.values.astype(np.float32)
         # A period reads one of them and writes the other.
         self._states = [np.zeros((size, width)) for _ in range(2)]
         self._integrals = [self._integral, np.zeros_like(self._integral)]
         self._connect()
 
+    # Functions of machine code take addresses, which belong to one object in one process.
+
     def __getstate__(self) -> dict:
-        return {k: v for k, v in self.__dict__.items() if k != "machine"}
+        own = ("_machine", "_pointers", "_numbers", "_sizes", "_call", "_sources")
+        return {k: v for k, v in self.__dict__.items() if k not in own}
 
     def __setstate__(self, state: dict) -> None:
         self.__dict__.update(state)
@@ -289,173 +302,82 @@ class CompiledRobots(Robots):
 
     def _connect(self) -> None:
         """Find the machine code, and tell it where the arrays lie."""
-        self.machine = machine_of(self.law, self._table)
-        slots, places = self.machine.slots, self.machine.places
-        self._at = np.zeros(len(slots), np.uint64)
-        self._uniform = np.zeros(max(len(places), 1))
+        law = self.law
+        self._machine = machine_of(law, self._table)
+        slots, places = self._machine.slots, self._machine.places
+        self._pointers = np.zeros(len(slots), np.uint64)
+        self._numbers = np.zeros(max(len(places), 1))
         self._sizes = np.array([0, self.layout.width, 0], np.int64)
-        fixed = {"steps": self.steps, "keys": self._keys, "values": self.values}
+        self._call = tuple(map(address, (self._pointers, self._numbers, self._sizes)))
+        self._point("steps", self.steps)
+        self._point("keys", self._keys)
+        self._point("values", self.values)
         if self._table:
-            fixed |= {"poses": self._poses, "twists": self._twists}
+            self._point("poses", self._poses)
+            self._point("twists", self._twists)
         else:
-            fixed["followed"] = self._followed
-        for name, array in fixed.items():
-            self._set(name, array)
-        self._point_at_states()
-        task, reference = self.law.task, self.law.reference
-        numbers = {
-            "most_steps": self.most_steps, "end": reference.duration - task.dt / 2,
-            "substeps": self.law.substeps,
-        }  # fmt: skip
-        if not self.law.drawn:
-            numbers |= {f"value {k}": v for k, v in enumerate(self.values)}
-        if reference.constant is not None:
-            numbers |= {f"followed {k}": v for k, v in enumerate(reference.constant)}
-        for name, value in numbers.items():
-            if name in places:
-                self._uniform[places[name]] = value
-        self._seen_slots = [slots[f"seen {name}"] for name in self.layout.offsets]
-        self._seen_offsets = np.array(list(self.layout.offsets.values()), np.uint64)
-        self._command_slots = [slots[f"command {k}"] for k in range(self._held)]
-        self._call = (address(self._at), address(self._uniform), address(self._sizes))
-        self._previews = self._strides.tolist()
-        if not self._table:
-            self._twist_slots = [slots[f"twist {k}"] for k in range(len(self._strides))]
-            twists = address(self._twists) + self._twists[0].nbytes * np.arange(self._size)
+            self._point("followed", self._followed)
             # Row h: where the previews lie when the head is at slot h.
             order = (np.arange(self._size)[:, None] + self._strides) % self._size
-            self._twist_addresses = twists.astype(np.uint64)[order]
+            slot = np.arange(self._size) * self._twists[0].nbytes + address(self._twists)
+            self._twist_addresses = slot.astype(np.uint64)[order]
+            self._twist_slots = [slots[f"twist {k}"] for k in range(len(self._strides))]
             self._point_at_head()
+        self._point("state", self._states[0])
+        self._point("next", self._states[1])
+        self._point("integral", self._integrals[0])
+        self._point("next integral", self._integrals[1])
+        held = np.arange(self._held)
+        blocks = (held * self._commands[0].nbytes + address(self._commands)).astype(np.uint64)
+        # Row h: where the commands lie, newest first, when the newest is block h.
+        self._command_addresses = blocks[(held[:, None] + held) % self._held]
+        self._command_slots = [slots[f"command {k}"] for k in held]
+        self._pointers[self._command_slots] = self._command_addresses[self._newest]
+        self._seen_slots = [slots[f"seen {name}"] for name in self.layout.offsets]
+        self._seen_offsets = np.array(list(self.layout.offsets.values()), np.uint64)
+        end = law.reference.duration - law.task.dt / 2
+        numbers = {"most_steps": self.most_steps, "end": end, "substeps": law.substeps}
+        if law.randomization is None:
+            numbers |= {f"value {k}": v for k, v in enumerate(self.values)}
+        if law.reference.constant is not None:
+            numbers |= {f"followed {k}": v for k, v in enumerate(law.reference.constant)}
+        for name, value in numbers.items():
+            self._tell(name, value)
 
-    def _set(self, name: str, array: np.ndarray) -> None:
-        if name in self.machine.slots:
-            self._at[self.machine.slots[name]] = address(array)
+    def _point(self, name: str, array: np.ndarray) -> None:
+        if name in self._machine.slots:
+            self._pointers[self._machine.slots[name]] = address(array)
 
-    def _point_at_states(self) -> None:
-        self._set("state", self._states[0])
-        self._set("next", self._states[1])
-        self._set("integral", self._integrals[0])
-        self._set("next integral", self._integrals[1])
-        for k in range(self._held):
-            self._set(f"command {k}", self._commands[(self._newest + k) % self._held])
+    def _tell(self, name: str, value: float) -> None:
+        if name in self._machine.places:
+            self._numbers[self._machine.places[name]] = value
 
     def _point_at_head(self) -> None:
-        self._at[self._twist_slots] = self._twist_addresses[self._head]
-        self._set("pose now", self._poses[self._head])
+        self._pointers[self._twist_slots] = self._twist_addresses[self._head]
+        self._point("pose now", self._poses[self._head])
 
-    def _point_at_seen(self, seen: Seen) -> None:
-        self._at[self._seen_slots] = self._seen_offsets + np.uint64(address(seen.memory))
-
-    def _run(self, name: str, count: int, rows: np.ndarray | None = None, packed: int = 0) -> None:
-        self._sizes[0], self._sizes[2] = count, packed
-        if rows is not None:
-            self._at[0] = address(rows)
-        self.machine.functions[name](*self._call)
+    def _run(self, name: str, rows: np.ndarray | None = None) -> None:
+        """Call a function for all robots, or for some, for which packed arrays are meant."""
+        if rows is None:
+            self._sizes[0] = self.copies
+        else:
+            self._sizes[0] = self._sizes[2] = len(rows)
+            self._pointers[0] = address(rows)
+        self._machine.functions[name](*self._call)
 
     @property
     def state(self) -> State:
         """See the base class."""
         return self.law.structure.unflatten(self._states[0][:, : self.copies])
 
-    def set_values(self, rows: np.ndarray, values: np.ndarray) -> None:
-        """Values (V, rows) of some robots."""
-        self.values[:, rows] = values
-
-    def begin(self, rows, numbers, followed, keys, chosen) -> None:
-        """See the base class."""
-        law, places, u = self.law, self.machine.places, self._uniform
-        offset = self._offset(numbers, chosen)
-        drawn = numbers if followed is None else followed
-        velocity = chosen.velocity or (0.0, 0.0, 0.0)
-        u[places["follow"]] = chosen.follow and chosen.velocity is None
-        for k in range(3):
-            u[places[f"velocity {k}"]] = velocity[k]
-        self._set("numbers", drawn)
-        self._set("offset", offset)
-        if law.noise_scale is not None:
-            self._keys[:, rows] = keys
-        self._run("start", len(rows), rows, len(rows))
-        if not self._table:
-            self._fill(rows, range(len(self._previews)))
-
-    def _fill(self, rows: np.ndarray | None, previews) -> None:
-        """Put the reference of some robots (or all) into the rings, at some of the previews."""
-        for k in previews:
-            ahead = self._previews[k]
-            slot = (self._head + ahead) % self._size
-            self._set("pose then", self._poses[slot])
-            self._set("twist then", self._twists[slot])
-            self._uniform[self.machine.places["ahead"]] = ahead
-            if rows is None:
-                self._run("fill", self.copies)
-            else:
-                self._run("fill chosen", len(rows), rows)
-
-    def step(self, actions) -> Seen:
-        """See the base class."""
-        self.steps[: self.copies] += 1
-        if not self._table:
-            self._head = (self._head + 1) % self._size
-            self._fill(None, [len(self._previews) - 1])
-            # Later previews were nearer ones a while ago, but for episodes that are younger.
-            young = np.flatnonzero(self.steps[: self.copies] < self.law.task.preview_stride)
-            if young.size:
-                self._fill(young.astype(np.int32), range(len(self._previews) - 1))
-            self._point_at_head()
-        self._newest = (self._newest - 1) % self._held
-        for k, slot in enumerate(self._command_slots):
-            self._at[slot] = self._command_addresses[(self._newest + k) % self._held]
-        seen = self.layout.new()
-        self._point_at_seen(seen)
-        actions = np.ascontiguousarray(actions, np.float32)
-        self._at[self.machine.slots["actions"]] = address(actions)
-        self._run("step", self.copies)
-        self._states.reverse()
-        self._integrals.reverse()
-        slots, at = self.machine.slots, self._at
-        for one, other in (("state", "next"), ("integral", "next integral")):
-            at[slots[one]], at[slots[other]] = at[slots[other]], at[slots[one]]
-        return seen
-
-    @cached_property
-    def _command_addresses(self) -> list[int]:
-        return [address(block) for block in self._commands]
-
-    def look(self, rows, seen) -> None:
-        """See the base class."""
-        self._point_at_seen(seen)
-        self._run("look", len(rows), rows)
-
-
-def _rows(components: tuple, shape: tuple) -> np.ndarray:
-    """Components, each (N,) or less, as rows (N, 3)."""
-    return np.stack([np.broadcast_to(c, shape) for c in components], axis=-1)
-
-
-class Numbers:
-    """Random numbers of many generators, each robot's its own, drawn in the order of need.
-
-    Args:
-        generators: one a robot.
-        robots: whose machine code draws faster, where they have it.
-    """
-
-    def __init__(self, generators: list[np.random.Generator], robots: Robots):
-        self.generators, self._robots = generators, robots
-
-    def of(self, rows: np.ndarray) -> list[np.random.Generator]:
-        """The generators of some robots."""
-        return [self.generators[i] for i in rows.tolist()]
-
-    def take(self, rows: np.ndarray, count: int) -> np.ndarray:
-        """The next numbers (count, rows) in [0, 1) of some robots, as ``Generator.random``."""
-        if self._robots.machine is None:
-            return np.array([rng.random(count) for rng in self.of(rows)]).T
-        result = np.empty((count, len(rows)))
-        at = np.array([address(rows), address(self._sources), address(result)], np.uint64)
-        sizes = np.array([len(rows), count], np.int64)
-        self._robots.machine.functions["draw"](address(at), 0, address(sizes))
-        return result
+    def draw(self, rows, count) -> np.ndarray:
+        """See the base class; by NumPy's interface for C, without a call of Python each."""
+        numbers = np.empty((count, len(rows)))
+        self._point("numbers", numbers)
+        self._point("generators", self._sources)
+        self._numbers[self._machine.places["draws"]] = count
+        self._run("draw", rows)
+        return numbers
 
     @cached_property
     def _sources(self) -> np.ndarray:
@@ -465,5 +387,80 @@ class Numbers:
         capsules = (rng.bit_generator.capsule for rng in self.generators)
         return np.array([get(capsule, b"BitGenerator") for capsule in capsules], np.uint64)
 
-    def __getstate__(self) -> dict:
-        return {k: v for k, v in self.__dict__.items() if k != "_sources"}
+    def reseed(self, generators: list[np.random.Generator]) -> None:
+        """See the base class."""
+        self.__dict__.pop("_sources", None)
+        super().reseed(generators)
+
+    def _candidates(self, rows) -> np.ndarray:
+        """See the base class."""
+        numbers = self.draw(rows, self.law.randomization.draws(self.law.model))
+        possible = np.empty(len(rows), np.bool_)
+        self._point("numbers", numbers)
+        self._point("possible", possible)
+        self._run("robots", rows)
+        return possible
+
+    def _start(self, rows, followed, numbers, chosen) -> None:
+        """See the base class."""
+        given = followed is not None and followed.ndim == 2
+        for k in range(3):
+            self._tell(f"velocity {k}", chosen.velocity[k] if chosen.velocity else 0.0)
+            self._tell(f"offset {k}", chosen.offset[k] if chosen.offset else 0.0)
+        self._tell("follow", chosen.follow and chosen.velocity is None)
+        self._tell("displace", chosen.offset is not None)
+        self._point("numbers", numbers)
+        if given:
+            self._point("given", followed)
+        self._run("start", rows)
+        if not self._table:
+            self._fill(rows, range(len(self._strides)))
+
+    def _fill(self, rows: np.ndarray | None, previews) -> None:
+        """Put the reference of some robots (or all) into the rings, at some of the previews."""
+        for k in previews:
+            ahead = int(self._strides[k])
+            slot = (self._head + ahead) % self._size
+            self._point("pose then", self._poses[slot])
+            self._point("twist then", self._twists[slot])
+            self._tell("ahead", ahead)
+            self._run("fill" if rows is None else "fill chosen", rows)
+
+    def step(self, actions) -> Seen:
+        """See the base class."""
+        self.steps[: self.copies] += 1
+        if not self._table:
+            self._head = (self._head + 1) % self._size
+            self._fill(None, [len(self._strides) - 1])
+            # Later previews were nearer ones a while ago, but for episodes that are younger.
+            young = np.flatnonzero(self.steps[: self.copies] < self.law.task.preview_stride)
+            if young.size:
+                self._fill(young.astype(np.int32), range(len(self._strides) - 1))
+            self._point_at_head()
+        pointers, slots = self._pointers, self._machine.slots
+        self._newest = (self._newest - 1) % self._held
+        pointers[self._command_slots] = self._command_addresses[self._newest]
+        seen = self.layout.new()
+        self._point_at(seen)
+        actions = np.ascontiguousarray(actions, np.float32)
+        pointers[slots["actions"]] = address(actions)
+        self._run("step")
+        self._states.reverse()
+        self._integrals.reverse()
+        for one, other in (("state", "next"), ("integral", "next integral")):
+            one, other = slots[one], slots[other]
+            pointers[one], pointers[other] = int(pointers[other]), int(pointers[one])
+        return seen
+
+    def _point_at(self, seen: Seen) -> None:
+        self._pointers[self._seen_slots] = self._seen_offsets + np.uint64(address(seen.memory))
+
+    def look(self, rows, seen) -> None:
+        """See the base class."""
+        self._point_at(seen)
+        self._run("look", rows)
+
+
+def _rows(components: tuple, shape: tuple) -> np.ndarray:
+    """Components, each of a shape or of one that can be broadcast to it, as rows (..., 3)."""
+    return np.stack([np.broadcast_to(c, shape) for c in components], axis=-1)

@@ -117,11 +117,11 @@ class TrackingEnv(gym.Env):
         constant = reference.constant
         self._observation.values[:] = reference.draw(rng) if constant is None else constant
         first = reference.evaluate(self._observation.values.tolist(), 0.0, FLOAT)
-        offset = chosen.offset_from(rng.random(3)).tolist()
+        offset = chosen.offset_from(rng.random(3).tolist())
         pose, velocity = chosen.start(first, offset, FLOAT)
         self._plant.reset(pose, velocity)
         self._steps, self._end, self._trail, self._path = 0, reference.duration, [], None
-        self._keys = noise_keys(rng.random(KEYS)) if self.sensors else None
+        self._keys = noise_keys(rng.random(KEYS).tolist(), FLOAT) if self.sensors else None
         self._noise = self._next_noise(0)
         self._integral = self._torque = (0.0,) * len(self.task.platform.wheels)
         observation, _, _ = self._see(0.0)

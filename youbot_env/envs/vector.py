@@ -12,9 +12,8 @@ from gymnasium.vector.utils import batch_space
 
 from youbot_env.arguments import check_kind
 from youbot_env.envs.law import Law
-from youbot_env.envs.noise import KEYS, noise_keys
 from youbot_env.envs.options import EpisodeOptions, as_numbers, diverged
-from youbot_env.envs.robots import Numbers, make_robots
+from youbot_env.envs.robots import make_robots
 from youbot_env.envs.seen import Seen
 from youbot_env.envs.settings import TrackingSettings
 from youbot_env.plant import State
@@ -73,7 +72,6 @@ class TrackingVectorEnv(VectorEnv):
         self._robots = make_robots(self._law, num_envs, max_episode_steps, bool(compiled))
         self._every = np.arange(num_envs, dtype=np.int32)
         self._shown = np.ones(num_envs, bool)
-        self._numbers: Numbers | None = None
         self._seen: Seen | None = None
 
     @property
@@ -102,7 +100,7 @@ class TrackingVectorEnv(VectorEnv):
         if self._seen is None and len(rows) < self.num_envs:
             raise gym.error.ResetNeeded("call reset() without a mask first")
         self._seed(seed)
-        self._begin(rows, chosen)
+        self._robots.begin(rows, chosen)
         seen = self._robots.layout.new()
         self._robots.look(self._every, seen)
         self._done = self._done & ~np.isin(self._every, rows) if self._seen else ~self._shown
@@ -116,32 +114,13 @@ class TrackingVectorEnv(VectorEnv):
             seed = [None] * self.num_envs
         if len(seed) != self.num_envs:
             raise ValueError(f"{len(seed)} seeds for {self.num_envs} copies; give one each")
-        old = self._numbers.generators if self._numbers else [None] * self.num_envs
-        if self._numbers is None or any(s is not None for s in seed):
+        old = self._robots.generators
+        if not old or any(s is not None for s in seed):
             generators = [
                 seeding.np_random(s)[0] if s is not None or rng is None else rng
-                for s, rng in zip(seed, old, strict=True)
+                for s, rng in zip(seed, old or [None] * self.num_envs, strict=True)
             ]
-            self._numbers = Numbers(generators, self._robots)
-
-    def _begin(self, rows: np.ndarray, chosen: EpisodeOptions) -> None:
-        """Start episodes of some copies; each draws from its generator as a single one does."""
-        numbers, reference, followed = self._numbers, self.reference, None
-        if self.randomization is not None:
-            values = self.randomization.draw_many(
-                self.model, lambda count, which: numbers.take(rows[which], count), len(rows)
-            )
-            if values is None:
-                drawn = [self.randomization.draw(self.model, rng) for rng in numbers.of(rows)]
-                values = np.array([model.values() for model in drawn]).T
-            self._robots.set_values(rows, values)
-        count = reference.draws or 0
-        if reference.constant is None and reference.draws is None:
-            followed = np.array([reference.draw(rng) for rng in numbers.of(rows)]).T.copy()
-        keys = KEYS if self.sensors is not None else 0
-        drawn = numbers.take(rows, count + 3 + keys)
-        own = noise_keys(drawn[count + 3 :])
-        self._robots.begin(rows, drawn[: count + 3], followed, own, chosen)
+            self._robots.reseed(generators)
 
     def _revealed(self, rows: np.ndarray) -> dict[str, Any]:
         """Part of the information at a reset: the true robots, where the user asked for them."""
@@ -173,11 +152,11 @@ class TrackingVectorEnv(VectorEnv):
         renewed = mode is AutoresetMode.NEXT_STEP and again.size > 0
         if renewed:
             rows = again.astype(np.int32)
-            self._begin(rows, EpisodeOptions())
+            self._robots.begin(rows, EpisodeOptions())
             self._robots.look(rows, seen)
             seen.reward[rows] = 0.0
             seen.terminated[rows] = seen.truncated[rows] = seen.done[rows] = False
-        if not np.isfinite(np.add.reduce(seen.reward)):
+        if not np.isfinite(np.vdot(seen.reward, seen.reward)):
             copy = int(np.flatnonzero(~np.isfinite(seen.reward))[0])
             raise diverged(float(seen.time[copy]), f" in copy {copy}")
         observation, info = seen.observation, self._info(seen)
@@ -194,7 +173,7 @@ class TrackingVectorEnv(VectorEnv):
             final[i] = seen.observation[i].copy()
         last = {name: value.copy() for name, value in info.items() if not name.startswith("_")}
         last |= {f"_{name}": ended for name in last}
-        self._begin(rows, EpisodeOptions())
+        self._robots.begin(rows, EpisodeOptions())
         self._robots.look(rows, seen)
         self._done = np.zeros(self.num_envs, bool)
         ends = {"final_obs": final, "_final_obs": ended, "final_info": last, "_final_info": ended}
@@ -204,8 +183,8 @@ class TrackingVectorEnv(VectorEnv):
         given = as_numbers(actions, self.action_space.shape, "actions have")
         with np.errstate(over="ignore"):
             array = given.astype(np.float32, order="C", copy=False)
-            total = np.add.reduce(array, axis=None)
-        # A NaN or an infinity anywhere makes the sum so; looking for the place can then be slow.
+            total = np.vdot(array, array)
+        # A NaN or an infinity anywhere makes the sum so, and one product is the fastest sum.
         if not np.isfinite(total):
             finite = np.isfinite(given)
             if not finite.all():

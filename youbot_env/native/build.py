@@ -23,6 +23,9 @@ FLAGS = (
     "-O3", "-march=native", "-std=gnu11", "-fPIC", "-shared", "-fno-math-errno",
     "-fno-trapping-math", "-fno-signed-zeros", "-w",
 )  # fmt: skip
+# For functions that never ask whether a number is finite; the largest and smallest of two are then
+# one instruction.
+FINITE = ("-ffinite-math-only",)
 LONGEST_BUILD = 120.0  # s
 
 
@@ -30,15 +33,19 @@ class NoCompiler(RuntimeError):
     """C cannot be compiled here; the message says why."""
 
 
-def load(text: str) -> ctypes.CDLL:
+def load(text: str, flags: tuple[str, ...] = ()) -> ctypes.CDLL:
     """Compile a C text, or find what was compiled before, and load it.
+
+    Args:
+        text: of the functions.
+        flags: for the compiler beyond ``FLAGS``.
 
     Raises:
         NoCompiler: there is no C compiler, or it fails.
     """
     compiler, identity = _compiler()
-    key = hashlib.sha256("\0".join((text, identity, *FLAGS)).encode()).hexdigest()[:32]
-    return _loaded(key, Hidden(text), compiler)
+    key = hashlib.sha256("\0".join((text, identity, *FLAGS, *flags)).encode()).hexdigest()[:32]
+    return _loaded(key, Hidden(text), (*compiler, *FLAGS, *flags))
 
 
 class Hidden(str):
@@ -70,7 +77,7 @@ def _compiled(text: str, library: Path, compiler: tuple[str, ...]) -> str:
     with tempfile.TemporaryDirectory(prefix=".building-", dir=library.parent) as folder:
         source, made = Path(folder) / "kernel.c", Path(folder) / "kernel.so"
         source.write_text(text)
-        command = [*compiler, *FLAGS, "-o", str(made), str(source), "-lm"]
+        command = [*compiler, "-o", str(made), str(source), "-lm"]
         try:
             subprocess.run(
                 command, check=True, capture_output=True, text=True, timeout=LONGEST_BUILD

@@ -18,9 +18,9 @@ LANES = 64
 TYPES = {"d": "double", "f": "float", "i": "uint32_t", "b": "uint8_t"}
 INFIX = {
     "add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "gt": ">", "ge": ">=",
-    "or": "|", "xor": "^", "plus": "+", "times": "*", "shift": ">>",
+    "or": "|", "and": "&", "xor": "^", "plus": "+", "times": "*", "shift": ">>",
 }  # fmt: skip
-PRELUDE = (Path(__file__).parent / "prelude.h").read_text()
+PRELUDE, DRAW = ((Path(__file__).parent / name).read_text() for name in ("prelude.h", "draw.h"))
 
 
 @dataclass(frozen=True)
@@ -360,7 +360,7 @@ class _Writer:
         if op in ("lt", "le", "gt", "ge"):
             varying = [a.kind for a in args if a.varies]
             kind = "d" if "d" in varying or not varying else varying[0]
-        if op == "or":
+        if op in ("or", "and"):
             kind = "b"
         if op == "where":
             condition = value(args[0], "b")

@@ -69,14 +69,13 @@ INLINE float tan_f(float x) { float s, r = near_f(x, &s); return sin_near(r) / c
 INLINE float sin_d(double x) { float s, r = near_d(x, &s); return s * sin_near(r); }
 INLINE float cos_d(double x) { float s, r = near_d(x, &s); return s * cos_near(r); }
 
-// Rational approximation, coefficients as in Eigen.
+// Rational approximation by weighted least squares, terms in pairs: they are waited for less.
 INLINE float tanh_f(float a) {
-    const float x = max_f(min_f(a, 7.90531111f), -7.90531111f), z = x * x;
-    const float above = x * (4.89352455891786e-03f + z * (6.37261928875436e-04f
-        + z * (1.48572235717979e-05f + z * (5.12229709037114e-08f + z * (-8.60467152213735e-11f
-        + z * (2.00018790482477e-13f + z * -2.76076847742355e-16f))))));
-    const float below = 4.89352518554385e-03f + z * (2.26843463243900e-03f
-        + z * (1.18534705686654e-04f + z * 1.19825839466702e-06f));
+    const float x = max_f(min_f(a, 8.4f), -8.4f), z = x * x, w = z * z;
+    const float above = x * ((0.999999952f + z * 0.13412701f) + w * ((0.0035335779f
+        + z * 2.12520535e-05f) + w * 1.42882167e-08f));
+    const float below = (1.0f + z * 0.467460146f) + w * ((0.0260205264f
+        + z * 0.000334848471f) + w * 8.14905189e-07f);
     return above / below;
 }
 INLINE float exp_f(float a) {
@@ -98,25 +97,4 @@ INLINE float log_f(float a) {
         + r * (-1.6668057665e-1f + r * (1.4249322787e-1f + r * (-1.2420140846e-1f
         + r * (1.1676998740e-1f + r * (-1.1514610310e-1f + r * 7.0376836292e-2f))))))));
     return n * 0.693359375f + (r + (tail - 0.5f * z - n * 2.12194440e-4f));
-}
-
-// Numbers in [0, 1) of one generator for each robot: NumPy's own, by its interface for C
-// (numpy/random/bitgen.h).  Pointers: robots, generators, result (numbers, robots).
-typedef struct {
-    void *state;
-    uint64_t (*next_uint64)(void *);
-    uint32_t (*next_uint32)(void *);
-    double (*next_double)(void *);
-    uint64_t (*next_raw)(void *);
-} Generator;
-
-void draw(void *const *p, const double *u, const long *z) {
-    const int32_t *chosen = p[0];
-    Generator *const *generators = p[1];
-    double *result = p[2];
-    (void)u;
-    for (long i = 0; i < z[0]; i++) {
-        const Generator *source = generators[chosen[i]];
-        for (long k = 0; k < z[1]; k++) result[k * z[0] + i] = source->next_double(source->state);
-    }
 }

@@ -111,6 +111,15 @@ class Node:
     def __or__(self, other):
         return self.graph.call("or", self, other)
 
+    def __and__(self, other):
+        return self.graph.call("and", self, other)
+
+    def __rand__(self, other):
+        return self.graph.call("and", other, self)
+
+    def __ror__(self, other):
+        return self.graph.call("or", other, self)
+
     def __xor__(self, other):
         return self.graph.call("xor", self, other)
 
@@ -192,7 +201,7 @@ class Graph:
         varies = any(a.varies for a in args)
         loop = _innermost(args)
         numbers = args[1:] if op == "where" else args
-        if op in COMPARED or op == "or":
+        if op in COMPARED or op in ("or", "and"):
             kind = "b"
         elif any(a.kind == "i" for a in args):
             kind = "i"
@@ -236,6 +245,11 @@ class Graph:
                 return self.call("mul", args[0], self.call("div", 1.0, args[1]))
         if op == "neg" and args[0].op == "neg":
             return args[0].args[0]
+        if op in ("or", "and"):
+            for one, other in ((0, 1), (1, 0)):
+                if values[one] is not None:
+                    decided = bool(values[one]) == (op == "or")
+                    return args[one] if decided else args[other]
         if op == "where":
             if args[1] is args[2]:
                 return args[1]
@@ -315,6 +329,7 @@ def tracing_ops(graph: Graph) -> Ops:
         coarse=lambda a: graph.cast(a, "f"),
         cos_sin=lambda angle: (graph.call("cos", angle), graph.call("sin", angle)),
         real=lambda a: graph.cast(a, "d"),
+        bits=lambda a: graph.cast(a, "i"),
         iterate=graph.iterate,
         minimum=named("min"),
         maximum=named("max"),
