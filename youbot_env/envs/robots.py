@@ -60,6 +60,7 @@ class Robots:
     def __init__(self, law: Law, copies: int, steps: int):
         self.law, self.copies, self.most_steps = law, copies, steps
         self.generators: list[np.random.Generator] = []
+        self._draws = law.draws
         observed = law.task.observation_space.shape[0]
         self.layout = SeenLayout(copies, observed, law.wheels)
         width, task = self.layout.width, law.task
@@ -98,14 +99,12 @@ class Robots:
 
     def begin(self, rows: np.ndarray, chosen: EpisodeOptions) -> None:
         """Start episodes of some robots (int32); each draws from its generator alone."""
-        law, reference, followed = self.law, self.law.reference, None
-        if law.randomization is not None:
+        reference, followed = self.law.reference, self.law.reference.constant
+        if self.law.randomization is not None:
             self._renew_values(rows)
-        if reference.constant is not None:
-            followed = reference.constant
-        elif reference.draws is None:
+        if followed is None and reference.draws is None:
             followed = np.array([reference.draw(rng) for rng in self._of(rows)]).T.copy()
-        self._start(rows, followed, self.draw(rows, law.draws), chosen)
+        self._start(rows, followed, self.draw(rows, self._draws), chosen)
 
     def reseed(self, generators: list[np.random.Generator]) -> None:
         """Take other generators."""
@@ -293,7 +292,8 @@ class CompiledRobots(Robots):
     # Functions of machine code take addresses, which belong to one object in one process.
 
     def __getstate__(self) -> dict:
-        own = ("_machine", "_pointers", "_numbers", "_sizes", "_call", "_sources")
+        own = ("_machine", "_pointers", "_numbers", "_sizes", "_call", "_interfaces", "_sources",
+               "_drawn", "_pointed", "_told", "_functions")  # fmt: skip
         return {k: v for k, v in self.__dict__.items() if k not in own}
 
     def __setstate__(self, state: dict) -> None:
@@ -309,6 +309,8 @@ class CompiledRobots(Robots):
         self._numbers = np.zeros(max(len(places), 1))
         self._sizes = np.array([0, self.layout.width, 0], np.int64)
         self._call = tuple(map(address, (self._pointers, self._numbers, self._sizes)))
+        self._drawn, self._pointed, self._told = np.empty(0), None, None
+        self._functions = self._machine.functions
         self._point("steps", self.steps)
         self._point("keys", self._keys)
         self._point("values", self.values)
@@ -363,7 +365,7 @@ class CompiledRobots(Robots):
         else:
             self._sizes[0] = self._sizes[2] = len(rows)
             self._pointers[0] = address(rows)
-        self._machine.functions[name](*self._call)
+        self._functions[name](*self._call)
 
     @property
     def state(self) -> State:
@@ -371,46 +373,54 @@ class CompiledRobots(Robots):
         return self.law.structure.unflatten(self._states[0][:, : self.copies])
 
     def draw(self, rows, count) -> np.ndarray:
-        """See the base class; by NumPy's interface for C, without a call of Python each."""
-        numbers = np.empty((count, len(rows)))
-        self._point("numbers", numbers)
-        self._point("generators", self._sources)
-        self._numbers[self._machine.places["draws"]] = count
+        """See the base class; by NumPy's interface for C, without a call of Python each.
+
+        The next call writes over the result.
+        """
+        if self._drawn.size < count * len(rows):
+            self._drawn = np.empty(count * self.layout.width)
+            self._point("numbers", self._drawn)
+        self._pointers[1] = self._sources
+        self._numbers[0] = count
         self._run("draw", rows)
-        return numbers
+        return self._drawn[: count * len(rows)].reshape(count, -1)
 
     @cached_property
-    def _sources(self) -> np.ndarray:
+    def _interfaces(self) -> np.ndarray:
         """Where NumPy's interface for C to each generator lies in memory."""
         get = ctypes.pythonapi.PyCapsule_GetPointer
         get.restype, get.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
         capsules = (rng.bit_generator.capsule for rng in self.generators)
         return np.array([get(capsule, b"BitGenerator") for capsule in capsules], np.uint64)
 
+    @cached_property
+    def _sources(self) -> int:
+        return address(self._interfaces)
+
     def reseed(self, generators: list[np.random.Generator]) -> None:
         """See the base class."""
-        self.__dict__.pop("_sources", None)
+        for name in ("_interfaces", "_sources"):
+            self.__dict__.pop(name, None)
         super().reseed(generators)
 
     def _candidates(self, rows) -> np.ndarray:
         """See the base class."""
-        numbers = self.draw(rows, self.law.randomization.draws(self.law.model))
+        self.draw(rows, self.law.randomization.draws(self.law.model))
         possible = np.empty(len(rows), np.bool_)
-        self._point("numbers", numbers)
         self._point("possible", possible)
         self._run("robots", rows)
         return possible
 
     def _start(self, rows, followed, numbers, chosen) -> None:
         """See the base class."""
-        given = followed is not None and followed.ndim == 2
-        for k in range(3):
-            self._tell(f"velocity {k}", chosen.velocity[k] if chosen.velocity else 0.0)
-            self._tell(f"offset {k}", chosen.offset[k] if chosen.offset else 0.0)
-        self._tell("follow", chosen.follow and chosen.velocity is None)
-        self._tell("displace", chosen.offset is not None)
-        self._point("numbers", numbers)
-        if given:
+        if chosen != self._told:
+            for k in range(3):
+                self._tell(f"velocity {k}", chosen.velocity[k] if chosen.velocity else 0.0)
+                self._tell(f"offset {k}", chosen.offset[k] if chosen.offset else 0.0)
+            self._tell("follow", chosen.follow and chosen.velocity is None)
+            self._tell("displace", chosen.offset is not None)
+            self._told = chosen
+        if followed is not None and followed.ndim == 2:
             self._point("given", followed)
         self._run("start", rows)
         if not self._table:
@@ -453,7 +463,10 @@ class CompiledRobots(Robots):
         return seen
 
     def _point_at(self, seen: Seen) -> None:
-        self._pointers[self._seen_slots] = self._seen_offsets + np.uint64(address(seen.memory))
+        if seen is not self._pointed:
+            begin = np.uint64(address(seen.memory))
+            self._pointers[self._seen_slots] = self._seen_offsets + begin
+            self._pointed = seen
 
     def look(self, rows, seen) -> None:
         """See the base class."""

@@ -46,6 +46,8 @@ class SeenLayout:
         seen.memory = memory
         for name, shape, kind, offset, strides in self._parts:
             setattr(seen, name, np.ndarray(shape, kind, memory, offset, strides))
+        ends, strides = (3, self.copies), (self.width, 1)
+        seen.ends = np.ndarray(ends, bool, memory, self.offsets["terminated"], strides)
         return seen
 
 
@@ -58,7 +60,7 @@ class Seen:
         torque: last commanded, (n, wheels) N m.
         observation: (n, d) float32.
         reward: (n,) float32.
-        terminated, truncated, done: (n,) bool.
+        terminated, truncated, done: (n,) bool, the rows of ``ends``.
         memory: in which they all lie.
     """
 
@@ -71,6 +73,7 @@ class Seen:
     terminated: np.ndarray
     truncated: np.ndarray
     done: np.ndarray
+    ends: np.ndarray
     memory: np.ndarray
 
     INFORMATION = ("time", "pose", "reference_pose", "torque")

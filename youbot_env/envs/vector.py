@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
 import gymnasium as gym
@@ -20,6 +21,7 @@ from youbot_env.plant import State
 
 # Copies of one environment: a million take about 2 GB.
 MOST_COPIES = 1_000_000
+USUAL = EpisodeOptions()
 
 
 class TrackingVectorEnv(VectorEnv):
@@ -152,11 +154,10 @@ class TrackingVectorEnv(VectorEnv):
         renewed = mode is AutoresetMode.NEXT_STEP and again.size > 0
         if renewed:
             rows = again.astype(np.int32)
-            self._robots.begin(rows, EpisodeOptions())
+            self._robots.begin(rows, USUAL)
             self._robots.look(rows, seen)
-            seen.reward[rows] = 0.0
-            seen.terminated[rows] = seen.truncated[rows] = seen.done[rows] = False
-        if not np.isfinite(np.vdot(seen.reward, seen.reward)):
+            seen.reward[rows], seen.ends[:, rows] = 0.0, False
+        if not math.isfinite(np.vdot(seen.reward, seen.reward)):
             copy = int(np.flatnonzero(~np.isfinite(seen.reward))[0])
             raise diverged(float(seen.time[copy]), f" in copy {copy}")
         observation, info = seen.observation, self._info(seen)
@@ -173,7 +174,7 @@ class TrackingVectorEnv(VectorEnv):
             final[i] = seen.observation[i].copy()
         last = {name: value.copy() for name, value in info.items() if not name.startswith("_")}
         last |= {f"_{name}": ended for name in last}
-        self._robots.begin(rows, EpisodeOptions())
+        self._robots.begin(rows, USUAL)
         self._robots.look(rows, seen)
         self._done = np.zeros(self.num_envs, bool)
         ends = {"final_obs": final, "_final_obs": ended, "final_info": last, "_final_info": ended}
@@ -181,11 +182,14 @@ class TrackingVectorEnv(VectorEnv):
 
     def _check(self, actions) -> np.ndarray:
         given = as_numbers(actions, self.action_space.shape, "actions have")
-        with np.errstate(over="ignore"):
-            array = given.astype(np.float32, order="C", copy=False)
-            total = np.vdot(array, array)
+        if given.dtype == np.float32:
+            array = given
+        else:
+            with np.errstate(over="ignore"):
+                array = given.astype(np.float32)
+        total = np.vdot(array, array)
         # A NaN or an infinity anywhere makes the sum so, and one product is the fastest sum.
-        if not np.isfinite(total):
+        if not math.isfinite(total):
             finite = np.isfinite(given)
             if not finite.all():
                 copy, wheel = np.argwhere(~finite)[0]

@@ -52,22 +52,32 @@ INLINE float cos_near(float r) {
     return 1.0f + z * (-0.5f + z * (0.0416666594f + z * (-0.00138886519f
         + z * (2.47745957e-05f + z * -2.62978233e-07f))));
 }
-// The angle less its whole half turns, and 1 or -1 for an even or odd number of these.
-INLINE float near_f(float x, float *side) {
-    const float n = rintf(x * 0.318309886f), half = 0.5f * n;
-    *side = 1.0f - 4.0f * (half - floorf(half));
+// The angle less its whole half turns, and the sign bit of these where they are odd.  A number added
+// that leaves no digits behind the point rounds, and shows in its last bit what is odd.
+INLINE float near_f(float x, int32_t *odd) {
+    Bits turned;
+    turned.f = x * 0.318309886f + 12582912.0f;
+    const float n = turned.f - 12582912.0f;
+    *odd = (int32_t)((uint32_t)turned.i << 31);
     return ((x - n * 3.140625f) - n * 9.67502593994140625e-4f) - n * 1.509957990978376e-7f;
 }
-INLINE float near_d(double x, float *side) {
-    const double n = rint(x * 0.31830988618379067), half = 0.5 * n;
-    *side = (float)(1.0 - 4.0 * (half - floor(half)));
-    return (float)(x - n * 3.141592653589793);
+INLINE float near_d(double x, int32_t *odd) {
+    union { double d; int64_t i; } turned;
+    turned.d = x * 0.31830988618379067 + 6755399441055744.0;
+    *odd = (int32_t)((uint32_t)turned.i << 31);
+    return (float)(x - (turned.d - 6755399441055744.0) * 3.141592653589793);
 }
-INLINE float sin_f(float x) { float s, r = near_f(x, &s); return s * sin_near(r); }
-INLINE float cos_f(float x) { float s, r = near_f(x, &s); return s * cos_near(r); }
-INLINE float tan_f(float x) { float s, r = near_f(x, &s); return sin_near(r) / cos_near(r); }
-INLINE float sin_d(double x) { float s, r = near_d(x, &s); return s * sin_near(r); }
-INLINE float cos_d(double x) { float s, r = near_d(x, &s); return s * cos_near(r); }
+INLINE float turned(float value, int32_t odd) {
+    Bits x;
+    x.f = value;
+    x.i ^= odd;
+    return x.f;
+}
+INLINE float sin_f(float x) { int32_t o; float r = near_f(x, &o); return turned(sin_near(r), o); }
+INLINE float cos_f(float x) { int32_t o; float r = near_f(x, &o); return turned(cos_near(r), o); }
+INLINE float tan_f(float x) { int32_t o; float r = near_f(x, &o); return sin_near(r) / cos_near(r); }
+INLINE float sin_d(double x) { int32_t o; float r = near_d(x, &o); return turned(sin_near(r), o); }
+INLINE float cos_d(double x) { int32_t o; float r = near_d(x, &o); return turned(cos_near(r), o); }
 
 // Rational approximation by weighted least squares, terms in pairs: they are waited for less.
 INLINE float tanh_f(float a) {
