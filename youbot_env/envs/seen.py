@@ -9,8 +9,13 @@ GROUP = 64
 
 
 def padded(count: int) -> int:
-    """The next multiple of ``GROUP``."""
-    return -(-count // GROUP) * GROUP
+    """Room for so many robots: a multiple of ``GROUP``.
+
+    It is an odd one where there are several, so that components of one robot do not all fall into
+    the same lines of the cache.
+    """
+    groups = -(-count // GROUP)
+    return GROUP * (groups if groups == 1 else groups | 1)
 
 
 class SeenLayout:

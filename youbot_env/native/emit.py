@@ -113,7 +113,7 @@ class _Writer:
             used.add(node.number)
             stack += [a for a in node.args if isinstance(a, Node)]
             if node.op in ("within", "after"):
-                number, k = node.args
+                number, k = node.args[:2]
                 loop = self.graph.loops[number]
                 stack += [loop.before[k], loop.within[k], loop.after[k], loop.count]
         self.used = [node for node in self.graph.nodes if node.number in used]
@@ -226,36 +226,50 @@ class _Writer:
             yield "  place[i] = (int32_t)(begin + (i < lanes ? i : lanes - 1));"
             yield "  robot[i] = chosen[place[i]];"
             yield "}"
-        # What lies in rows is gathered and scattered one robot after the other: the instructions
-        # that gather a vector take longer on many processors.
+        # What does not lie side by side is gathered and scattered one robot after the other: the
+        # instructions that do so for a vector take longer on many processors.
         for array in self._read_arrays():
+            if not self._staged(array):
+                continue
+            used = self._components(array)
+            for k in used:
+                yield f"{TYPES[array.kind]} r{array.slot}_{k}[{LANES}];"
             if array.layout in ("rows", "table"):
-                kind, n, name = TYPES[array.kind], array.components, f"r{array.slot}"
-                yield f"{kind} {name}[{n}][{LANES}];"
                 yield f"for (int i = 0; i < {LANES}; i++) {{"
-                yield f"  const {kind} *row = {self._row(array)};"
-                given = "i < lanes ? row[k] : 0" if array.layout == "rows" else "row[k]"
-                yield f"  for (int k = 0; k < {n}; k++) {name}[k][i] = {given};"
+                yield f"  const {TYPES[array.kind]} *row = {self._row(array)};"
+                for k in used:
+                    # Behind the last robot users' arrays end.
+                    given = f"i < lanes ? row[{k}] : 0" if array.layout == "rows" else f"row[{k}]"
+                    yield f"  r{array.slot}_{k}[i] = {given};"
                 yield "}"
+            else:
+                for k in used:
+                    yield f"for (int i = 0; i < {LANES}; i++)"
+                    yield f"  r{array.slot}_{k}[i] = {self._address(array, k)};"
         for output in self.outputs:
             if self._staged(output.array):
                 kind = "int32_t" if output.array.kind == "b" else TYPES[output.array.kind]
                 yield f"{kind} o{output.array.slot}_{output.component}[{LANES}];"
 
-    @staticmethod
-    def _staged(array: Array) -> bool:
-        """Whether it is written after the loops over lanes: rows, and entries of one byte.
+    def _staged(self, array: Array) -> bool:
+        """Whether it is read before the loops over lanes and written after them.
 
-        The smallest type of a loop decides how many lanes it takes at a time.
+        That is what does not lie side by side, and entries of one byte: the smallest type of a loop
+        decides how many lanes it takes at a time.
         """
-        return array.layout == "rows" or array.kind == "b"
+        return self.chosen or array.layout in ("rows", "table") or array.kind == "b"
+
+    def _components(self, array: Array) -> list[int]:
+        """Which components are read."""
+        loads = (node.args for node in self.used if node.op == "load")
+        return [k for read_array, k in loads if read_array == array]
 
     def _scattered(self) -> Iterable[str]:
         for output in self.outputs:
             array, k = output.array, output.component
-            if array.kind == "b":
-                target = self._address(array, k)
-                yield f"for (int i = 0; i < lanes; i++) {target} = (uint8_t)o{array.slot}_{k}[i];"
+            if self._staged(array) and array.layout != "rows":
+                target, value = self._address(array, k), f"o{array.slot}_{k}[i]"
+                yield f"for (int i = 0; i < lanes; i++) {target} = ({TYPES[array.kind]}){value};"
         rows = list(dict.fromkeys(o.array for o in self.outputs if o.array.layout == "rows"))
         for array in rows:
             yield "for (int i = 0; i < lanes; i++) {"
@@ -314,8 +328,6 @@ class _Writer:
         return lines
 
     def _address(self, array: Array, k: int) -> str:
-        if array.layout in ("rows", "table"):
-            return f"r{array.slot}[{k}][i]"
         name = f"a{array.slot}"
         if array.layout == "packed":
             return f"{name}[{k} * packed + {'place[i]' if self.chosen else 'begin + i'}]"
@@ -350,7 +362,8 @@ class _Writer:
 
         op, args = node.op, node.args
         if op == "load":
-            return self._address(*args)
+            array, k = args
+            return f"r{array.slot}_{k}[i]" if self._staged(array) else self._address(array, k)
         if op == "after":
             return f"c{args[0]}_{args[1]}[i]"
         if op == "cast":

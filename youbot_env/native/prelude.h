@@ -62,10 +62,9 @@ INLINE float near_f(float x, int32_t *odd) {
     return ((x - n * 3.140625f) - n * 9.67502593994140625e-4f) - n * 1.509957990978376e-7f;
 }
 INLINE float near_d(double x, int32_t *odd) {
-    union { double d; int64_t i; } turned;
-    turned.d = x * 0.31830988618379067 + 6755399441055744.0;
-    *odd = (int32_t)((uint32_t)turned.i << 31);
-    return (float)(x - (turned.d - 6755399441055744.0) * 3.141592653589793);
+    const double n = (x * 0.31830988618379067 + 6755399441055744.0) - 6755399441055744.0;
+    *odd = (int32_t)((uint32_t)(int32_t)n << 31);
+    return (float)(x - n * 3.141592653589793);
 }
 INLINE float turned(float value, int32_t odd) {
     Bits x;

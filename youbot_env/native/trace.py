@@ -283,19 +283,32 @@ class Graph:
         if isinstance(count, int) and count == 1:
             return body(carry)
         before = [self.wrap(leaf) for leaf in _leaves(carry)]
-        loop = Loop(self.wrap(count), before)
+        kinds = [b.kind if b.varies else "d" for b in before]
+        loop, ends = self._turn(count, body, carry, before, kinds)
+        # What one turn leaves in single precision need not be carried in double precision.
+        less = ["f" if e.varies and e.kind == "f" else k for e, k in zip(ends, kinds, strict=True)]
+        if less != kinds:
+            loop, ends = self._turn(count, body, carry, before, less)
         number = len(self.loops)
         self.loops.append(loop)
-        # What is carried may differ between robots after a turn though it did not before.
-        varying = [True] * len(before)
-        loop.within = [
-            self.node("within", (number, k), b.kind if b.varies else "d", v, loop)
-            for k, (b, v) in enumerate(zip(before, varying, strict=True))
+        loop.after = [self.cast(e, w.kind) for e, w in zip(ends, loop.within, strict=True)]
+        result = [
+            self.node("after", (number, k), w.kind, True) for k, w in enumerate(loop.within)
         ]
-        end = [self.wrap(leaf) for leaf in _leaves(body(_rebuilt(carry, iter(loop.within))))]
-        loop.after = [self.cast(e, w.kind) for e, w in zip(end, loop.within, strict=True)]
-        result = [self.node("after", (number, k), w.kind, True) for k, w in enumerate(loop.within)]
         return _rebuilt(carry, iter(result))
+
+    def _turn(self, count, body, carry, before: list[Node], kinds: list[str]):
+        """One turn of a loop whose carried values have these kinds: the loop, and what it ends with.
+
+        What is carried may differ between robots after a turn though it did not before.
+        """
+        loop = Loop(self.wrap(count), before)
+        loop.within = [
+            self.node("within", (len(self.loops), k, *kinds), kind, True, loop)
+            for k, kind in enumerate(kinds)
+        ]
+        ends = body(_rebuilt(carry, iter(loop.within)))
+        return loop, [self.wrap(leaf) for leaf in _leaves(ends)]
 
 
 def _innermost(args: tuple) -> Loop | None:
