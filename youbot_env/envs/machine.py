@@ -27,7 +27,8 @@ class Machine:
 
     Attributes:
         functions: ``step`` (all robots), ``look``, ``draw`` and ``start`` (some), ``robots`` (where
-            each episode draws one), ``fill`` and ``fill chosen`` (where references lie in rings).
+            each episode draws one), ``period`` (all of these), ``fill`` and ``fill chosen`` (where
+            references lie in rings).
         slots: place of each pointer by name.
         places: place of each number by name.
     """
@@ -68,8 +69,15 @@ class _Tracer:
         self.places: dict[str, int] = {}
         self.texts: list[str] = []
         self.held = max(law.history, 2)
+        # The first ones are those that ``draw`` and ``period`` know by their number.
+        for name in (
+            "generators", "numbers", "function step", "function start", "function look",
+            "function robots", "ended", "rows", "possible", "seen reward", "seen terminated",
+            "seen truncated", "seen done",
+        ):  # fmt: skip
+            self._slot(name)
         # Pointers that are always set have a slot even where no function reads them.
-        for name in ("generators", "numbers", "state", "next", "integral", "next integral"):
+        for name in ("state", "next", "integral", "next integral"):
             self._slot(name)
         for k in range(self.held):
             self._slot(f"command {k}")
@@ -92,7 +100,7 @@ class _Tracer:
         self._look()
         yield ["step", "look"], self.texts, build.FINITE
         self.texts = [DRAW]
-        names = ["draw", "start"]
+        names = ["draw", "period", "start"]
         self._start()
         randomization = self.law.randomization
         if randomization is not None and randomization.drawn_together(self.law.model):

@@ -24,6 +24,7 @@ from youbot_env.plant import State
 
 # Rows beyond which a table of the whole episode is not worth its memory.
 LONGEST_TABLE = 20_000
+USUAL = EpisodeOptions()
 _told: set[str] = set()
 
 
@@ -110,8 +111,25 @@ class Robots:
         """Take other generators."""
         self.generators = generators
 
+    def period(self, actions: np.ndarray, ended: np.ndarray) -> tuple[Seen, np.ndarray]:
+        """One period; those that had ended (n,) before it begin anew instead, without reward.
+
+        Args:
+            actions: (n, k), finite numbers, float32.
+            ended: (n,) bool.
+
+        Returns:
+            What all see, and which began anew, int32.
+        """
+        seen, rows = self.step(actions), np.flatnonzero(ended).astype(np.int32)
+        if rows.size:
+            self.begin(rows, USUAL)
+            self.look(rows, seen)
+            seen.reward[rows], seen.ends[:, rows] = 0.0, False
+        return seen, rows
+
     def step(self, actions: np.ndarray) -> Seen:
-        """One period with actions (n, k), finite numbers, float32."""
+        """One period with actions as ``period`` takes them; all go on."""
         raise NotImplementedError
 
     def look(self, rows: np.ndarray, seen: Seen) -> None:
@@ -292,7 +310,7 @@ class CompiledRobots(Robots):
     # Functions of machine code take addresses, which belong to one object in one process.
 
     def __getstate__(self) -> dict:
-        own = ("_machine", "_pointers", "_numbers", "_sizes", "_call", "_interfaces", "_sources",
+        own = ("_machine", "_pointers", "_numbers", "_sizes", "_call", "_interfaces",
                "_drawn", "_pointed", "_told", "_functions")  # fmt: skip
         return {k: v for k, v in self.__dict__.items() if k not in own}
 
@@ -307,10 +325,25 @@ class CompiledRobots(Robots):
         slots, places = self._machine.slots, self._machine.places
         self._pointers = np.zeros(len(slots), np.uint64)
         self._numbers = np.zeros(max(len(places), 1))
-        self._sizes = np.array([0, self.layout.width, 0], np.int64)
+        self._sizes = np.array([0, self.layout.width, 0, self._draws, 0, TRIES, 0, 0], np.int64)
         self._call = tuple(map(address, (self._pointers, self._numbers, self._sizes)))
         self._drawn, self._pointed, self._told = np.empty(0), None, None
         self._functions = self._machine.functions
+        self._together = self._table
+        if law.randomization is not None:
+            self._together &= "robots" in self._functions
+            self._sizes[4] = law.randomization.draws(law.model) or 0
+        self._renewed = np.empty(2 * self.layout.width, np.int32)
+        self._possible = np.empty(self.layout.width, np.bool_)
+        self._reserve(int(self._sizes[3:5].max()) * self.layout.width)
+        self._point("rows", self._renewed)
+        self._point("possible", self._possible)
+        if self.generators:
+            self._point("generators", self._interfaces)
+        for name in ("step", "start", "look", "robots"):
+            if name in self._functions:
+                at = ctypes.cast(self._functions[name], ctypes.c_void_p).value
+                self._pointers[slots[f"function {name}"]] = at
         self._point("steps", self.steps)
         self._point("keys", self._keys)
         self._point("values", self.values)
@@ -377,13 +410,16 @@ class CompiledRobots(Robots):
 
         The next call writes over the result.
         """
-        if self._drawn.size < count * len(rows):
-            self._drawn = np.empty(count * self.layout.width)
-            self._point("numbers", self._drawn)
-        self._pointers[1] = self._sources
+        self._reserve(count * len(rows))
         self._numbers[0] = count
         self._run("draw", rows)
         return self._drawn[: count * len(rows)].reshape(count, -1)
+
+    def _reserve(self, size: int) -> None:
+        """Room for so many random numbers."""
+        if self._drawn.size < size:
+            self._drawn = np.empty(size)
+            self._point("numbers", self._drawn)
 
     @cached_property
     def _interfaces(self) -> np.ndarray:
@@ -393,26 +429,29 @@ class CompiledRobots(Robots):
         capsules = (rng.bit_generator.capsule for rng in self.generators)
         return np.array([get(capsule, b"BitGenerator") for capsule in capsules], np.uint64)
 
-    @cached_property
-    def _sources(self) -> int:
-        return address(self._interfaces)
-
     def reseed(self, generators: list[np.random.Generator]) -> None:
         """See the base class."""
-        for name in ("_interfaces", "_sources"):
-            self.__dict__.pop(name, None)
         super().reseed(generators)
+        self.__dict__.pop("_interfaces", None)
+        self._point("generators", self._interfaces)
 
     def _candidates(self, rows) -> np.ndarray:
         """See the base class."""
         self.draw(rows, self.law.randomization.draws(self.law.model))
-        possible = np.empty(len(rows), np.bool_)
-        self._point("possible", possible)
         self._run("robots", rows)
-        return possible
+        return self._possible[: len(rows)].copy()
 
     def _start(self, rows, followed, numbers, chosen) -> None:
         """See the base class."""
+        self._choose(chosen)
+        if followed is not None and followed.ndim == 2:
+            self._point("given", followed)
+        self._run("start", rows)
+        if not self._table:
+            self._fill(rows, range(len(self._strides)))
+
+    def _choose(self, chosen: EpisodeOptions) -> None:
+        """Tell the machine code what the user said about the start."""
         if chosen != self._told:
             for k in range(3):
                 self._tell(f"velocity {k}", chosen.velocity[k] if chosen.velocity else 0.0)
@@ -420,14 +459,11 @@ class CompiledRobots(Robots):
             self._tell("follow", chosen.follow and chosen.velocity is None)
             self._tell("displace", chosen.offset is not None)
             self._told = chosen
-        if followed is not None and followed.ndim == 2:
-            self._point("given", followed)
-        self._run("start", rows)
-        if not self._table:
-            self._fill(rows, range(len(self._strides)))
 
     def _fill(self, rows: np.ndarray | None, previews) -> None:
         """Put the reference of some robots (or all) into the rings, at some of the previews."""
+        if rows is not None and len(rows) == self.copies:
+            rows = None  # where all are meant nothing is gathered
         for k in previews:
             ahead = int(self._strides[k])
             slot = (self._head + ahead) % self._size
@@ -447,6 +483,24 @@ class CompiledRobots(Robots):
             if young.size:
                 self._fill(young.astype(np.int32), range(len(self._strides) - 1))
             self._point_at_head()
+        return self._stepped(actions, "step")
+
+    def period(self, actions, ended) -> tuple[Seen, np.ndarray]:
+        """See the base class; one call of machine code where all follow one reference."""
+        if not self._together:
+            return super().period(actions, ended)
+        self.steps[: self.copies] += 1
+        self._choose(USUAL)
+        self._point("ended", ended)
+        seen = self._stepped(actions, "period")
+        began, impossible = self._sizes[6:].tolist()
+        rows = self._renewed[:began]
+        if impossible:  # one at a time, which says why
+            self.begin(rows, USUAL)
+        return seen, rows
+
+    def _stepped(self, actions: np.ndarray, function: str) -> Seen:
+        """Call a function that moves all robots on by one period."""
         pointers, slots = self._pointers, self._machine.slots
         self._newest = (self._newest - 1) % self._held
         pointers[self._command_slots] = self._command_addresses[self._newest]
@@ -454,12 +508,14 @@ class CompiledRobots(Robots):
         self._point_at(seen)
         actions = np.ascontiguousarray(actions, np.float32)
         pointers[slots["actions"]] = address(actions)
-        self._run("step")
+        self._run(function)
         self._states.reverse()
         self._integrals.reverse()
-        for one, other in (("state", "next"), ("integral", "next integral")):
-            one, other = slots[one], slots[other]
-            pointers[one], pointers[other] = int(pointers[other]), int(pointers[one])
+        self._point("state", self._states[0])
+        self._point("next", self._states[1])
+        if self.law.task.action_level == "velocity":
+            self._point("integral", self._integrals[0])
+            self._point("next integral", self._integrals[1])
         return seen
 
     def _point_at(self, seen: Seen) -> None:

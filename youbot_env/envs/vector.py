@@ -14,14 +14,13 @@ from gymnasium.vector.utils import batch_space
 from youbot_env.arguments import check_kind
 from youbot_env.envs.law import Law
 from youbot_env.envs.options import EpisodeOptions, as_numbers, diverged
-from youbot_env.envs.robots import make_robots
+from youbot_env.envs.robots import USUAL, make_robots
 from youbot_env.envs.seen import Seen
 from youbot_env.envs.settings import TrackingSettings
 from youbot_env.plant import State
 
 # Copies of one environment: a million take about 2 GB.
 MOST_COPIES = 1_000_000
-USUAL = EpisodeOptions()
 
 
 class TrackingVectorEnv(VectorEnv):
@@ -144,24 +143,22 @@ class TrackingVectorEnv(VectorEnv):
         if self._seen is None:
             raise gym.error.ResetNeeded("call reset() before step()")
         actions = self._check(actions)
-        mode, again = self.metadata["autoreset_mode"], np.flatnonzero(self._done)
-        if mode is AutoresetMode.DISABLED and again.size:
-            raise gym.error.ResetNeeded(
-                f"copies {again[:5].tolist()} have ended; reset them with options['reset_mask']"
-            )
-        seen = self._seen = self._robots.step(actions)
-        self._done = seen.done
-        renewed = mode is AutoresetMode.NEXT_STEP and again.size > 0
-        if renewed:
-            rows = again.astype(np.int32)
-            self._robots.begin(rows, USUAL)
-            self._robots.look(rows, seen)
-            seen.reward[rows], seen.ends[:, rows] = 0.0, False
+        mode, ended = self.metadata["autoreset_mode"], self._done
+        if mode is AutoresetMode.NEXT_STEP:
+            seen, rows = self._robots.period(actions, ended)
+        else:
+            if ended.any():
+                raise gym.error.ResetNeeded(
+                    f"copies {np.flatnonzero(ended)[:5].tolist()} have ended; reset them with "
+                    "options['reset_mask']"
+                )
+            seen, rows = self._robots.step(actions), self._every[:0]
+        self._seen, self._done = seen, seen.done
         if not math.isfinite(np.vdot(seen.reward, seen.reward)):
             copy = int(np.flatnonzero(~np.isfinite(seen.reward))[0])
             raise diverged(float(seen.time[copy]), f" in copy {copy}")
         observation, info = seen.observation, self._info(seen)
-        if renewed:
+        if rows.size:
             info |= self._revealed(rows)
         if mode is AutoresetMode.SAME_STEP and self._done.any():
             info = self._same_step(seen, info)

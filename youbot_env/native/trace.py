@@ -292,13 +292,11 @@ class Graph:
         number = len(self.loops)
         self.loops.append(loop)
         loop.after = [self.cast(e, w.kind) for e, w in zip(ends, loop.within, strict=True)]
-        result = [
-            self.node("after", (number, k), w.kind, True) for k, w in enumerate(loop.within)
-        ]
+        result = [self.node("after", (number, k), w.kind, True) for k, w in enumerate(loop.within)]
         return _rebuilt(carry, iter(result))
 
     def _turn(self, count, body, carry, before: list[Node], kinds: list[str]):
-        """One turn of a loop whose carried values have these kinds: the loop, and what it ends with.
+        """One turn of a loop whose carried values have these kinds: the loop, and its results.
 
         What is carried may differ between robots after a turn though it did not before.
         """
