@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any, NamedTuple
 
 from youbot_env.backend import FLOAT, Ops, weighted_sum
@@ -170,11 +170,10 @@ class Platform:
 
     def contains(self, x, y, ops: Ops = FLOAT) -> Any:
         """Tell whether the point (x, y) m, of components, lies in the polygon of the wheels."""
-        corners, inside = self.outline, None
-        for (ax, ay), (bx, by) in zip(corners, (*corners[1:], corners[0]), strict=True):
-            left = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
-            inside = left if inside is None else ops.minimum(inside, left)
-        return inside >= 0.0
+        corners = self.outline
+        edges = zip(corners, (*corners[1:], corners[0]), strict=True)
+        left = [(bx - ax) * (y - ay) - (by - ay) * (x - ax) for (ax, ay), (bx, by) in edges]
+        return reduce(ops.minimum, left) >= 0.0
 
 
 def wheel_rows(

@@ -133,7 +133,8 @@ class Sequence(Reference):
     def draws(self) -> int | None:
         """See the base class."""
         counts = [part.draws for part in self.parts]
-        return None if None in counts else sum(counts)
+        known = [count for count in counts if count is not None]
+        return sum(known) if len(known) == len(counts) else None
 
     def _joined(self, drawn: list, ops: Ops) -> list:
         values, place, yaw = [], (0.0, 0.0), 0.0
