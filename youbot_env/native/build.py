@@ -28,7 +28,8 @@ FLAGS = (
 # For functions that never ask whether a number is finite; the largest and smallest of two are then
 # one instruction.
 FINITE = ("-ffinite-math-only",)
-LONGEST_BUILD = 120.0  # s
+LONGEST_BUILD = 60.0  # s
+_failed: dict[str, str] = {}
 
 
 class NoCompiler(RuntimeError):
@@ -47,7 +48,13 @@ def load(text: str, flags: tuple[str, ...] = ()) -> ctypes.CDLL:
     """
     compiler, identity = _compiler()
     key = hashlib.sha256("\0".join((text, identity, *FLAGS, *flags)).encode()).hexdigest()[:32]
-    return _loaded(key, Hidden(text), (*compiler, *FLAGS, *flags))
+    if key in _failed:
+        raise NoCompiler(_failed[key])
+    try:
+        return _loaded(key, Hidden(text), (*compiler, *FLAGS, *flags))
+    except NoCompiler as error:
+        _failed[key] = str(error)
+        raise
 
 
 class Hidden(str):

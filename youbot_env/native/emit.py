@@ -231,25 +231,27 @@ class _Writer:
         for array in self._read_arrays():
             if not self._staged(array):
                 continue
-            used = self._components(array)
-            for k in used:
-                yield f"{TYPES[array.kind]} r{array.slot}_{k}[{LANES}];"
+            # Loops, not one line for each of hundreds of components: these take minutes to compile.
+            kind, n = TYPES[array.kind], array.components
+            yield f"{kind} r{array.slot}[{n}][{LANES}];"
+            each = f"for (int k = 0; k < {n}; k++)"
             if array.layout in ("rows", "table"):
+                # Behind the last robot users' arrays end.
+                given = "i < lanes ? row[k] : 0" if array.layout == "rows" else "row[k]"
                 yield f"for (int i = 0; i < {LANES}; i++) {{"
-                yield f"  const {TYPES[array.kind]} *row = {self._row(array)};"
-                for k in used:
-                    # Behind the last robot users' arrays end.
-                    given = f"i < lanes ? row[{k}] : 0" if array.layout == "rows" else f"row[{k}]"
-                    yield f"  r{array.slot}_{k}[i] = {given};"
+                yield f"  const {kind} *row = {self._row(array)};"
+                yield f"  {each} r{array.slot}[k][i] = {given};"
                 yield "}"
             else:
-                for k in used:
-                    yield f"for (int i = 0; i < {LANES}; i++)"
-                    yield f"  r{array.slot}_{k}[i] = {self._address(array, k)};"
-        for output in self.outputs:
-            if self._staged(output.array):
-                kind = "int32_t" if output.array.kind == "b" else TYPES[output.array.kind]
-                yield f"{kind} o{output.array.slot}_{output.component}[{LANES}];"
+                yield f"{each} for (int i = 0; i < {LANES}; i++)"
+                yield f"  r{array.slot}[k][i] = {self._address(array, 'k')};"
+        for array in self._written():
+            if self._staged(array):
+                kind = "int32_t" if array.kind == "b" else TYPES[array.kind]
+                yield f"{kind} o{array.slot}[{array.components}][{LANES}];"
+
+    def _written(self) -> list[Array]:
+        return list(dict.fromkeys(output.array for output in self.outputs))
 
     def _staged(self, array: Array) -> bool:
         """Whether it is read before the loops over lanes and written after them.
@@ -259,25 +261,22 @@ class _Writer:
         """
         return self.chosen or array.layout in ("rows", "table") or array.kind == "b"
 
-    def _components(self, array: Array) -> list[int]:
-        """Which components are read."""
-        loads = (node.args for node in self.used if node.op == "load")
-        return [k for read_array, k in loads if read_array == array]
-
     def _scattered(self) -> Iterable[str]:
-        for output in self.outputs:
-            array, k = output.array, output.component
-            if self._staged(array) and array.layout != "rows":
-                target, value = self._address(array, k), f"o{array.slot}_{k}[i]"
-                yield f"for (int i = 0; i < lanes; i++) {target} = ({TYPES[array.kind]}){value};"
-        rows = list(dict.fromkeys(o.array for o in self.outputs if o.array.layout == "rows"))
-        for array in rows:
+        for array in self._written():
+            if not self._staged(array):
+                continue
+            kind, last = (
+                TYPES[array.kind],
+                1 + max(output.component for output in self.outputs if output.array == array),
+            )
+            each = f"for (int k = 0; k < {last}; k++)"
+            if array.layout != "rows":
+                yield f"{each} for (int i = 0; i < lanes; i++)"
+                yield f"  {self._address(array, 'k')} = ({kind})o{array.slot}[k][i];"
+                continue
             yield "for (int i = 0; i < lanes; i++) {"
-            yield f"  {TYPES[array.kind]} *row = {self._row(array)};"
-            for output in self.outputs:
-                if output.array == array:
-                    k = output.component
-                    yield f"  row[{k}] = o{array.slot}_{k}[i];"
+            yield f"  {kind} *row = {self._row(array)};"
+            yield f"  {each} row[k] = o{array.slot}[k][i];"
             for copied in self.copied:
                 size = f"{copied.source.components} * sizeof *row"
                 if copied.array == array:
@@ -323,11 +322,11 @@ class _Writer:
                 array, k = output.array, output.component
                 value = self._value(output.node, array.kind, lines)
                 staged = self._staged(array)
-                target = f"o{array.slot}_{k}[i]" if staged else self._address(array, k)
+                target = f"o{array.slot}[{k}][i]" if staged else self._address(array, k)
                 lines.append(f"{target} = {value};")
         return lines
 
-    def _address(self, array: Array, k: int) -> str:
+    def _address(self, array: Array, k: int | str) -> str:
         name = f"a{array.slot}"
         if array.layout == "packed":
             return f"{name}[{k} * packed + {'place[i]' if self.chosen else 'begin + i'}]"
@@ -363,7 +362,7 @@ class _Writer:
         op, args = node.op, node.args
         if op == "load":
             array, k = args
-            return f"r{array.slot}_{k}[i]" if self._staged(array) else self._address(array, k)
+            return f"r{array.slot}[{k}][i]" if self._staged(array) else self._address(array, k)
         if op == "after":
             return f"c{args[0]}_{args[1]}[i]"
         if op == "cast":
