@@ -11,7 +11,7 @@ def row(ratio, copies=16):
 
 def test_a_ratio_that_fell_by_more_than_allowed_fails_the_check():
     benchmark_speed.compare([row(0.71), row(0.1, copies=1)], [row(1.0)])
-    with pytest.raises(console.CheckFailed, match="0 effects, 16 copies: 0.69 after 1"):
+    with pytest.raises(console.CheckFailed, match=r"0 effects, 16 copies: 0\.69 after 1"):
         benchmark_speed.compare([row(0.69)], [row(1.0)])
 
 
