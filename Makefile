@@ -2,6 +2,7 @@
 # make test  install everything, lint, run the suite; make test-long the few tests that take longest
 # make docs  build the documentation site into build/site/index.html
 # make mutants  plant faults and see which the fast tests notice (FAULTS of them; 200 take 10 min)
+# make bench-check  fail where the environments are 30 % slower than docs/benchmarks/speed.json says
 # make fuzz  spoil good files in N ways (20 000 if left) and see that every reader copes
 PYTHON ?= python3
 VENV := .venv
@@ -12,7 +13,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: run test test-long mutants fuzz lint docs clean
+.PHONY: run test test-long mutants bench-check fuzz lint docs clean
 
 run: $(VENV)/.base
 	$(BIN)/youbot identify --out report/identified.yaml --report report
@@ -27,6 +28,9 @@ FAULTS ?= 200
 mutants: $(VENV)/.all
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[mutants]"
 	$(BIN)/python tests/mutation.py --sample $(FAULTS) --json docs/benchmarks/mutants.json
+
+bench-check: $(VENV)/.base
+	$(BIN)/youbot benchmark speed --check docs/benchmarks/speed.json
 
 N ?= 20000
 SEED ?= 0

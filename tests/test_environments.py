@@ -48,12 +48,13 @@ def test_check_env_with_warnings_as_errors(env_id, level):
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 @pytest.mark.parametrize("case", CASES)
-def test_vector_environment_is_the_single_one_step_by_step(case, mode):
+@pytest.mark.parametrize("compiled", [True, False])
+def test_vector_environment_is_the_single_one_step_by_step(case, mode, compiled):
     copies, steps, seed = 3, 90, 11
     arguments = {**CASES[case], "max_episode_steps": 37}
     native = gym.make_vec(
         "YouBot-v0", copies, vectorization_mode="vector_entry_point", autoreset_mode=mode,
-        **arguments,
+        compiled=compiled, **arguments,
     )  # fmt: skip
     single = gym.make_vec(
         "YouBot-v0", copies, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode},
@@ -81,7 +82,7 @@ def _same(ours, theirs):
     *values, info = ours
     *expected, expected_info = theirs
     for a, b in zip(values, expected, strict=True):
-        np.testing.assert_allclose(np.asarray(a, float), np.asarray(b, float), atol=2e-6)
+        np.testing.assert_allclose(np.asarray(a, float), np.asarray(b, float), atol=1e-6)
     _same_info(info, expected_info)
 
 
@@ -95,7 +96,7 @@ def _same_info(info, expected):
         else:
             mask = expected[f"_{name}"]
             for a, b in zip(info[name][mask], value[mask], strict=True):
-                np.testing.assert_allclose(np.asarray(a, float), np.asarray(b, float), atol=2e-6)
+                np.testing.assert_allclose(np.asarray(a, float), np.asarray(b, float), atol=1e-6)
 
 
 def test_equal_seeds_give_equal_episodes_and_unequal_ones_do_not():

@@ -38,7 +38,7 @@ INDENT = {"initial_indent": "  - ", "subsequent_indent": "    "}
 # Options that name a file to write; what other words of a command line name is read.
 NAMING = ("", "--model", "--robot", "--test")  # what stands behind them may be a name of a file
 FLAGS: set[str] = set()  # options of the running command that take no value
-RESULTS = ("--out", "--json", "--truth", "--onnx", "--results", "--report")
+RESULTS = ("--out", "--json", "--truth", "--onnx", "--results", "--report", "--figure")
 VERSIONED = ("numpy", "scipy", "casadi", "gymnasium", "mujoco", "torch", "stable_baselines3")
 # What bad input raises; ModelFileError, LogError and ImpossibleParameters are ValueErrors.
 BAD_INPUT = (ValueError, OSError, FloatingPointError, ImportError)

@@ -1,8 +1,9 @@
 """The elementary functions of each number type the physics is evaluated on.
 
 The physics is written once, over components: a component is a Python float, a NumPy array
-over a batch axis, a CasADi symbol or a JAX array.  Addition and multiplication work on all of
-them; the elementary functions below do not, so the physics takes them as an argument ``ops``.
+over a batch axis, a CasADi symbol, a JAX array or a traced expression (``native.trace``).
+Addition and multiplication work on all of them; the elementary functions below do not, so the
+physics takes them as an argument ``ops``.
 """
 
 from __future__ import annotations
@@ -15,7 +16,13 @@ import numpy as np
 
 
 class Ops(Protocol):
-    """Elementary functions on components; every backend provides exactly these."""
+    """Elementary functions on components; every backend provides exactly these.
+
+    Beyond the functions of their names: ``coarse`` is a value in the precision of slopes, ``real``
+    the number that an integer is, ``bits`` the integer of 32 bits without sign below a number,
+    ``cos_sin`` both of an angle, and ``iterate(count, body, carry)``
+    is ``body(body(... carry))``, carry being nested tuples of components.
+    """
 
     cos: Any
     sin: Any
@@ -31,6 +38,16 @@ class Ops(Protocol):
     maximum: Any
     where: Any
     floor: Any
+    log: Any
+    real: Any
+    bits: Any
+    iterate: Any
+
+
+def _iterate(count: int, body, carry):
+    for _ in range(count):
+        carry = body(carry)
+    return carry
 
 
 def _cos_sin_array(angle) -> tuple:
@@ -61,6 +78,10 @@ FLOAT: Ops = SimpleNamespace(
     maximum=max,
     where=lambda condition, a, b: a if condition else b,
     floor=math.floor,
+    log=math.log,
+    real=float,
+    bits=int,
+    iterate=_iterate,
 )
 
 NUMPY: Ops = SimpleNamespace(
@@ -79,6 +100,10 @@ NUMPY: Ops = SimpleNamespace(
     maximum=np.maximum,
     where=np.where,
     floor=np.floor,
+    log=np.log,
+    real=lambda a: a.astype(float),
+    bits=lambda a: a.astype(np.uint32),
+    iterate=_iterate,
 )
 
 # Slopes in single precision, for large batches; the state they are added to stays double.
@@ -107,6 +132,10 @@ def casadi_ops() -> Ops:
         maximum=ca.fmax,
         where=ca.if_else,
         floor=ca.floor,
+        log=ca.log,
+        real=lambda a: a,
+        bits=ca.floor,
+        iterate=_iterate,
     )
 
 
@@ -114,11 +143,15 @@ def jax_ops() -> Ops:
     """Elementary functions on JAX arrays (JAX is imported here and not before)."""
     import jax.numpy as jnp
 
-    names = [name for name in vars(NUMPY) if name not in ("name", "cos_sin", "coarse")]
+    own = ("name", "cos_sin", "coarse", "real", "bits", "iterate")
+    names = [name for name in vars(NUMPY) if name not in own]
     return SimpleNamespace(
         name="jax",
         coarse=lambda a: a,
         cos_sin=lambda angle: (jnp.cos(angle), jnp.sin(angle)),
+        real=lambda a: a.astype(float),
+        bits=lambda a: a.astype(np.uint32),
+        iterate=_iterate,
         **{name: getattr(jnp, name) for name in names},
     )
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, fields
+from typing import Any
 
+from youbot_env.backend import FLOAT, Ops
 from youbot_env.dynamics import Theta
 from youbot_env.platform import Platform
 
@@ -63,10 +65,11 @@ class Parameters:
 
     @classmethod
     def from_theta(cls, theta: Theta, platform: Platform) -> Parameters:
-        """Invert ``theta``; nothing is checked, an estimate may be impossible."""
+        """Invert ``theta``, of components; nothing is checked, an estimate may be impossible."""
         m = theta.m0 - len(platform.wheels) * platform.wheel_mass
-        offset = (theta.max / m, theta.may / m) if m else (math.nan, math.nan)
-        return cls(theta.m0, theta.I0, theta.I1, *offset, theta.mu1, theta.mu2)
+        if isinstance(m, float) and m == 0.0:
+            m = math.nan  # without a body its centre of mass is nowhere
+        return cls(theta.m0, theta.I0, theta.I1, theta.max / m, theta.may / m, *theta[5:])
 
     @classmethod
     def from_mapping(cls, values: dict, source: str = "parameters") -> Parameters:
@@ -94,34 +97,47 @@ class Parameters:
         """Return the seven values by name."""
         return asdict(self)
 
-    def problems(self, platform: Platform) -> list[str]:
-        """Say in words what makes these parameters impossible; empty when nothing does."""
-        found = []
+    def rules(self, platform: Platform, ops: Ops) -> dict[str, Any]:
+        """What possible parameters keep, by rule, as truth values or components of these.
+
+        ``finite m0``, ``positive m0`` and so on; ``weight`` (more than the wheels alone),
+        ``balance`` (the centre of mass is above the wheels' polygon) and ``inertia`` (more than
+        the offset of the centre of mass alone gives).
+        """
+        kept: dict[str, Any] = {}
         for name in ("m0", "I0", "I1", "mu1", "mu2"):
             value = getattr(self, name)
-            if not math.isfinite(value):
-                found.append(f"{name} = {value} is not finite")
-            elif value < 0 or (value == 0 and name in ("m0", "I0")):
-                found.append(f"{name} = {value:.6g} {UNITS[name]} must be positive")
+            kept[f"finite {name}"] = ops.abs(value) < math.inf
+            kept[f"positive {name}"] = value > 0 if name in ("m0", "I0") else value >= 0
+        body = self.m0 - len(platform.wheels) * platform.wheel_mass
+        own = body * (self.a_x * self.a_x + self.a_y * self.a_y)
+        balance = platform.contains(self.a_x, self.a_y, ops)
+        return kept | {"weight": body > 0, "balance": balance, "inertia": own < self.I0}
+
+    def problems(self, platform: Platform) -> list[str]:
+        """Say in words what makes these parameters impossible; empty when nothing does."""
+        broken = [rule for rule, kept in self.rules(platform, FLOAT).items() if not kept]
         wheels = len(platform.wheels) * platform.wheel_mass
-        if not self.m0 > wheels:
-            found.append(
-                f"m0 = {self.m0:.6g} kg is not more than its {len(platform.wheels)} wheels "
-                f"({wheels:.6g} kg)"
-            )
-        elif not platform.contains(self.a_x, self.a_y):
-            found.append(
-                f"centre of mass ({self.a_x:.4g}, {self.a_y:.4g}) m lies outside the wheels, "
-                "the robot would tip over"
-            )
-        elif self.I0 > 0:
-            limit = (self.m0 - wheels) * (self.a_x**2 + self.a_y**2)
-            if limit >= self.I0:
-                found.append(
-                    f"I0 = {self.I0:.6g} kg m^2 is below {limit:.6g} kg m^2, what the offset of "
-                    "the centre of mass alone gives"
-                )
-        return found
+        own = (self.m0 - wheels) * (self.a_x**2 + self.a_y**2)
+        words = {
+            "weight": f"m0 = {self.m0:.6g} kg is not more than its {len(platform.wheels)} wheels "
+            f"({wheels:.6g} kg)",
+            "balance": f"centre of mass ({self.a_x:.4g}, {self.a_y:.4g}) m lies outside the "
+            "wheels, the robot would tip over",
+            "inertia": f"I0 = {self.I0:.6g} kg m^2 is below {own:.6g} kg m^2, what the offset of "
+            "the centre of mass alone gives",
+        }
+        for name in ("m0", "I0", "I1", "mu1", "mu2"):
+            value = getattr(self, name)
+            words[f"finite {name}"] = f"{name} = {value} is not finite"
+            if math.isfinite(value):
+                words[f"positive {name}"] = f"{name} = {value:.6g} {UNITS[name]} must be positive"
+        # Each of these follows from the one before it, or says nothing without it.
+        chain = [rule for rule in ("weight", "balance", "inertia") if rule in broken][:1]
+        if chain == ["inertia"] and not self.I0 > 0:
+            chain = []
+        single = [rule for rule in broken if " " in rule and rule in words]
+        return [words[rule] for rule in (*single, *chain)]
 
     def check(self, platform: Platform) -> Parameters:
         """Return self when possible.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any, NamedTuple
 
 from youbot_env.backend import FLOAT, Ops, weighted_sum
@@ -160,16 +160,20 @@ class Platform:
 
         return np.array(self.geometry.jacobian)
 
-    def contains(self, x: float, y: float) -> bool:
-        """Tell whether the point (x, y) m lies inside the polygon of the wheel centres."""
-        import numpy as np
+    @cached_property
+    def outline(self) -> tuple[tuple[float, float], ...]:
+        """Wheel centres (x, y), m, counter-clockwise."""
+        count = len(self.wheels)
+        x, y = (sum(getattr(w, axis) for w in self.wheels) / count for axis in ("x", "y"))
+        around = sorted(self.wheels, key=lambda wheel: math.atan2(wheel.y - y, wheel.x - x))
+        return tuple((wheel.x, wheel.y) for wheel in around)
 
-        points = np.array([(wheel.x, wheel.y) for wheel in self.wheels])
-        centre = points.mean(axis=0)
-        points = points[np.argsort(np.arctan2(*(points - centre).T[::-1]))]
-        edges = np.roll(points, -1, axis=0) - points
-        offset = np.array([x, y]) - points
-        return bool(np.all(edges[:, 0] * offset[:, 1] - edges[:, 1] * offset[:, 0] >= 0))
+    def contains(self, x, y, ops: Ops = FLOAT) -> Any:
+        """Tell whether the point (x, y) m, of components, lies in the polygon of the wheels."""
+        corners = self.outline
+        edges = zip(corners, (*corners[1:], corners[0]), strict=True)
+        left = [(bx - ax) * (y - ay) - (by - ay) * (x - ax) for (ax, ay), (bx, by) in edges]
+        return reduce(ops.minimum, left) >= 0.0
 
 
 def wheel_rows(

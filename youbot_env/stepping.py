@@ -20,14 +20,16 @@ def rk4_step(robot: BoundModel, state: State, command: tuple, h, t, ops: Ops) ->
     """One Runge-Kutta step of length h with the command held.
 
     Slopes are evaluated at ``ops.coarse`` of the state and added to the state itself, so a batch
-    may use single precision for the slopes without its rounding piling up in the state.
+    may use single precision for the slopes without its rounding piling up in the state.  Time and
+    effects' own states, which do not pile up, are coarse themselves.
 
     Effects' own states move by their exact held-input solution (``Effect.evolve``), so a lag
     faster than the step neither blows up nor needs a stiff solver.
     """
     size = len(state.wheel_angle)
     begin = (*state.pose, *state.velocity, *state.wheel_angle)
-    start = tuple([ops.coarse(q) for q in begin])
+    start, t = tuple([ops.coarse(q) for q in begin]), ops.coarse(t)
+    memory = tuple([tuple([ops.coarse(z) for z in part]) for part in state.internal])
     # Where nobody reads position or wheel angles their values between start and end are not needed.
     moving = (robot.reads_pose,) * 2 + (True,) * 4 + (robot.reads_wheel_angle,) * size
     # Each is there where it is used: inertia and wrench of a simple robot, the origin of others.
@@ -42,8 +44,8 @@ def rk4_step(robot: BoundModel, state: State, command: tuple, h, t, ops: Ops) ->
         if robot.simple:
             change = dynamics.acceleration(inertia, v, fixed)
             speeds = robot.geometry.wheel_velocity(v) if size else ()
-            return (*pose_rate(v, flat[2], ops), *change, *speeds), state.internal
-        torque, internal = robot.deliver(origin, state.internal, elapsed, ops)
+            return (*pose_rate(v, flat[2], ops), *change, *speeds), memory
+        torque, internal = robot.deliver(origin, memory, elapsed, ops)
         s = robot.signals(t + elapsed, v, flat[:3], flat[6:], command, ops)
         change = robot.acceleration(robot.wrench(torque, s, internal, ops), s)
         speeds = robot.wheel_velocity(s, ops) if size else ()
@@ -101,9 +103,12 @@ def advance(
         ]
     for command, duration in phases:
         h = duration / substeps
-        for _ in range(substeps):
-            state = step(robot, state, command, h, t, ops)
-            t = t + h
+
+        def once(carry: tuple, command=command, h=h) -> tuple:
+            state, t = carry
+            return step(robot, state, command, h, t, ops), t + h
+
+        state, t = ops.iterate(substeps, once, (state, t))
     return state
 
 

@@ -11,7 +11,7 @@ from youbot_env.backend import Ops
 from youbot_env.references import Motion, Reference
 
 # Half widths of the random start offset.
-OFFSET = np.array([0.05, 0.05, 0.1])
+OFFSET = (0.05, 0.05, 0.1)
 
 
 @dataclass(frozen=True)
@@ -59,15 +59,15 @@ class EpisodeOptions:
             )
         return cls(**options)
 
-    def offset_from(self, uniform: np.ndarray) -> np.ndarray:
-        """Return start offsets (..., 3) (ahead, left, yaw): the given one, or random ones.
+    def offset_from(self, numbers) -> tuple:
+        """Return the start offset (ahead, left, yaw): the given one, or a random one.
 
-        ``uniform`` (..., 3) are drawn in [0, 1) whether they are needed or not, so that an option
-        does not change what is drawn after it.
+        Three ``numbers`` are drawn in [0, 1) whether they are needed or not, so that an option does
+        not change what is drawn after it.
         """
         if self.offset is not None:
-            return np.broadcast_to(self.offset, uniform.shape)
-        return OFFSET * (2.0 * uniform - 1.0)
+            return self.offset
+        return tuple(half * (2.0 * u - 1.0) for half, u in zip(OFFSET, numbers, strict=True))
 
     def start(self, first: Motion, offset: tuple, ops: Ops) -> tuple[tuple, tuple]:
         """Return start pose and body velocity for a reference that begins with ``first``."""

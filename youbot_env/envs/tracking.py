@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from youbot_env.backend import FLOAT, NUMPY
-from youbot_env.envs.noise import BLOCK, noise_block
+from youbot_env.envs.noise import BLOCK, KEYS, noise_block, noise_keys
 from youbot_env.envs.observation import Observation
 from youbot_env.envs.options import EpisodeOptions, check_action, diverged
 from youbot_env.envs.settings import TrackingSettings
@@ -117,11 +117,12 @@ class TrackingEnv(gym.Env):
         constant = reference.constant
         self._observation.values[:] = reference.draw(rng) if constant is None else constant
         first = reference.evaluate(self._observation.values.tolist(), 0.0, FLOAT)
-        offset = chosen.offset_from(rng.random(3)).tolist()
+        offset = chosen.offset_from(rng.random(3).tolist())
         pose, velocity = chosen.start(first, offset, FLOAT)
         self._plant.reset(pose, velocity)
         self._steps, self._end, self._trail, self._path = 0, reference.duration, [], None
-        self._noise = noise_block(self._noise_scale, rng) if self.sensors else None
+        self._keys = noise_keys(rng.random(KEYS).tolist(), FLOAT) if self.sensors else None
+        self._noise = self._next_noise(0)
         self._integral = self._torque = (0.0,) * len(self.task.platform.wheels)
         observation, _, _ = self._see(0.0)
         info = self._info()
@@ -162,9 +163,15 @@ class TrackingEnv(gym.Env):
         if self._noise is not None:
             at = self._steps % BLOCK
             if at == 0 and self._steps:
-                self._noise = noise_block(self._noise_scale, self.np_random)
+                self._noise = self._next_noise(self._steps)
             self._observation.noise[:] = self._noise[at]
         return self._observation(self._motion(), t)  # ty: ignore[not-callable]
+
+    def _next_noise(self, step: int) -> np.ndarray | None:
+        """Noise (BLOCK, 6) of the steps from ``step`` on, a multiple of ``BLOCK``."""
+        if self._keys is None:
+            return None
+        return noise_block(self._noise_scale, self._keys, step)
 
     def _loop_torque(self, action: tuple) -> tuple:
         task, geometry = self.task, self.task.platform.geometry

@@ -1,20 +1,21 @@
 """What a reference motion is: values drawn once an episode, and a pose at every time.
 
 A reference is the desired pose of O in the world, with velocity and acceleration, in closed form.
-``draw`` makes the values of one episode from a generator; ``evaluate`` takes them as components, so
-one function serves a single robot (floats), a vector environment (one column of values a robot) and
-an optimal-control problem (symbols).
+``drawn`` makes the values of one episode from random numbers; ``evaluate`` takes them as
+components.  Both are functions over components, so one source serves a single robot (floats), a
+vector environment (one column of values a robot) and an optimal-control problem (symbols).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from youbot_env.backend import NUMPY, Ops
+from youbot_env.backend import FLOAT, NUMPY, Ops
 
 Range = float | tuple[float, float]
 # Speed, m/s, and frequency, rad/s, beyond which positions would lose their digits.
@@ -79,9 +80,33 @@ class Reference:
                     f"and at most {LARGEST:g}, or a (low, high) pair"
                 )
 
+    def drawn(self, numbers: Iterator, ops: Ops) -> list:
+        """Values of one episode, P components, from numbers drawn uniformly in [0, 1).
+
+        P and how many numbers are taken are the same for every episode.
+        """
+        raise NotImplementedError
+
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Return the values (P,) of one episode; P is the same for every draw."""
-        raise NotImplementedError
+        return np.array([float(v) for v in self.drawn(iter(rng.random, None), FLOAT)])
+
+    @cached_property
+    def draws(self) -> int | None:
+        """How many numbers ``drawn`` takes; None where only ``draw`` is known."""
+        order = [vars(kind) for kind in type(self).__mro__]
+        owner = {name: next(k for k, own in enumerate(order) if name in own)
+                 for name in ("draw", "drawn")}  # fmt: skip
+        if owner["draw"] < owner["drawn"] or type(self).drawn is Reference.drawn:
+            return None
+        taken: list[float] = []
+
+        def count() -> float:
+            taken.append(0.5)
+            return 0.5
+
+        self.drawn(iter(count, None), FLOAT)
+        return len(taken)
 
     def evaluate(self, values, t, ops: Ops) -> Motion:
         """Desired motion at time t, s, from P values in components."""
@@ -117,6 +142,9 @@ class Reference:
         )
 
 
-def uniform(value: Range, rng: np.random.Generator) -> float:
-    """Draw from a (low, high) pair; a number is returned as it is, without using the generator."""
-    return float(rng.uniform(*value)) if isinstance(value, tuple) else float(value)
+def uniform(value: Range, numbers: Iterator) -> Any:
+    """Draw from a (low, high) pair; a number is returned as it is, without taking a random one."""
+    if not isinstance(value, tuple):
+        return float(value)
+    low, high = float(value[0]), float(value[1])
+    return low + (high - low) * next(numbers)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -28,16 +30,16 @@ class _Turn(Harmonic):
     pivot = True
     side: ClassVar[str]
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
+    def drawn(self, numbers: Iterator, ops: Ops) -> list:
         """See the base class; the pivot is the lever L away from O."""
-        speed, w = uniform(self.speed, rng), uniform(self.frequency, rng)
+        speed, w = uniform(self.speed, numbers), uniform(self.frequency, numbers)
         lever = self.platform.lever
         px, py = (0.0, lever) if self.side == "left" else (-lever, 0.0)
         rate = speed / lever
         # Yaw rate 0.7 sin(w t) + 0.45 sin(2 w t), as yaw; its peak is 1.
         sines = ((0.7 * rate / w, w, -math.pi / 2), (0.45 * rate / (2 * w), 2 * w, -math.pi / 2))
         start = sum(amplitude for amplitude, _, _ in sines)
-        return np.array([px, py, *axis(px), *axis(py), *axis(start, 0.0, *sines)])
+        return [px, py, *axis(px), *axis(py), *axis(start, 0.0, *sines)]
 
 
 @dataclass(frozen=True)
@@ -60,9 +62,9 @@ class MotionIII(Harmonic):
 
     harmonics = (2, 2, 0)
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
+    def drawn(self, numbers: Iterator, ops: Ops) -> list:
         """See the base class."""
-        speed, w = uniform(self.speed, rng), uniform(self.frequency, rng)
+        speed, w = uniform(self.speed, numbers), uniform(self.frequency, numbers)
         share = speed / math.sqrt(2)
         quarter = -math.pi / 2
         values = []
@@ -72,7 +74,7 @@ class MotionIII(Harmonic):
                 (0.4 * share / (second * w), second * w, quarter),
             ]
             values += axis(sum(amplitude for amplitude, _, _ in sines), 0.0, *sines)
-        return np.array([*values, *axis()])
+        return [*values, *axis()]
 
 
 @dataclass(frozen=True)
@@ -82,11 +84,11 @@ class MotionIV(Harmonic):
     yaw_rate: float = 1.0
     harmonics = (0, 0, 1)
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
+    def drawn(self, numbers: Iterator, ops: Ops) -> list:
         """See the base class."""
-        speed, w = uniform(self.speed, rng), uniform(self.frequency, rng)
+        speed, w = uniform(self.speed, numbers), uniform(self.frequency, numbers)
         swing = (self.yaw_rate / w, w, -math.pi / 2)
-        return np.array([*axis(0.0, speed), *axis(), *axis(swing[0], 0.0, swing)])
+        return [*axis(0.0, speed), *axis(), *axis(swing[0], 0.0, swing)]
 
 
 @dataclass(frozen=True)
@@ -120,18 +122,37 @@ class Sequence(Reference):
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """See the base class; each part is preceded by the displacement that joins it on."""
-        values, pose = [], np.zeros(3)
-        for part, length in zip(self.parts, self.lengths, strict=True):
-            drawn = part.draw(rng)
-            first = np.array(part.evaluate(drawn, 0.0, FLOAT).pose, float)
-            last = np.array(part.evaluate(drawn, length, FLOAT).pose, float)
-            turn = pose[2] - first[2]
-            c, s = math.cos(turn), math.sin(turn)
-            rotation = np.array([[c, -s], [s, c]])
-            shift = pose[:2] - rotation @ first[:2]
-            values += [*shift, turn, *drawn]
-            pose = np.array([*(rotation @ last[:2] + shift), last[2] + turn])
-        return np.array(values)
+        drawn = [part.draw(rng).tolist() for part in self.parts]
+        return np.array([float(v) for v in self._joined(drawn, FLOAT)])
+
+    def drawn(self, numbers: Iterator, ops: Ops) -> list:
+        """See ``draw``."""
+        return self._joined([part.drawn(numbers, ops) for part in self.parts], ops)
+
+    @cached_property
+    def draws(self) -> int | None:
+        """See the base class."""
+        counts = [part.draws for part in self.parts]
+        known = [count for count in counts if count is not None]
+        return sum(known) if len(known) == len(counts) else None
+
+    def _joined(self, drawn: list, ops: Ops) -> list:
+        values, place, yaw = [], (0.0, 0.0), 0.0
+        for part, length, own in zip(self.parts, self.lengths, drawn, strict=True):
+            first = part.evaluate(own, 0.0, ops).pose
+            last = part.evaluate(own, length, ops).pose
+            turn = yaw - first[2]
+            c, s = ops.cos_sin(turn)
+
+            def rotated(pose: tuple, c=c, s=s) -> tuple:
+                return c * pose[0] - s * pose[1], s * pose[0] + c * pose[1]
+
+            x, y = rotated(first)
+            shift = (place[0] - x, place[1] - y)
+            values += [*shift, turn, *own]
+            x, y = rotated(last)
+            place, yaw = (x + shift[0], y + shift[1]), last[2] + turn
+        return values
 
     def evaluate(self, values, t, ops: Ops) -> Motion:
         """See the base class."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -45,6 +47,15 @@ class Eased(Reference):
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """See the base class."""
         return self.of.draw(rng)
+
+    def drawn(self, numbers: Iterator, ops: Ops) -> list:
+        """See the base class."""
+        return self.of.drawn(numbers, ops)
+
+    @cached_property
+    def draws(self) -> int | None:
+        """See the base class."""
+        return self.of.draws
 
     def evaluate(self, values, t, ops: Ops) -> Motion:
         """See the base class; pace and its derivative come from the chain rule."""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
-
-import numpy as np
 
 from youbot_env.backend import Ops
 from youbot_env.references.base import Motion, Range, Reference, uniform
@@ -62,7 +61,7 @@ def about_pivot(motion: Motion, px, py, ops: Ops) -> Motion:
     return Motion(pose, speed, second)
 
 
-def axis(offset=0.0, drift=0.0, *sines: tuple[float, float, float]) -> list[float]:
+def axis(offset=0.0, drift=0.0, *sines: tuple) -> list:
     """Values of one axis: offset, drift and (amplitude, angular frequency, phase) of each sine."""
     return [offset, drift, *itertools.chain(*sines)]
 
@@ -85,19 +84,20 @@ class Circle(Harmonic):
         if self.heading not in ("tangent", "fixed"):
             raise ValueError(f"Circle: heading = {self.heading!r}; choose 'tangent' or 'fixed'")
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
+    def drawn(self, numbers: Iterator, ops: Ops) -> list:
         """See the base class."""
-        speed, w = uniform(self.speed, rng), uniform(self.frequency, rng)
+        speed, w = uniform(self.speed, numbers), uniform(self.frequency, numbers)
         start, side = 0.0, 1.0
         if self.random_phase:
-            start, side = rng.uniform(0, 2 * math.pi), rng.choice([-1.0, 1.0])
+            start = 2 * math.pi * next(numbers)
+            side = ops.where(next(numbers) < 0.5, -1.0, 1.0)
         radius, w = speed / w, side * w
         # Centre at 'side * radius' to the left of the start heading.
         place = start - side * math.pi / 2
         tangent = self.heading == "tangent"
-        x = axis(-radius * math.cos(place), 0.0, (radius, w, place + math.pi / 2))
-        y = axis(-radius * math.sin(place), 0.0, (radius, w, place))
-        return np.array([*x, *y, start if tangent else 0.0, w if tangent else 0.0])
+        x = axis(-radius * ops.cos(place), 0.0, (radius, w, place + math.pi / 2))
+        y = axis(-radius * ops.sin(place), 0.0, (radius, w, place))
+        return [*x, *y, start if tangent else 0.0, w if tangent else 0.0]
 
 
 @dataclass(frozen=True)
@@ -111,16 +111,15 @@ class Eight(Harmonic):
     yaw_amplitude: float = 0.5
     harmonics = (1, 1, 1)
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
+    def drawn(self, numbers: Iterator, ops: Ops) -> list:
         """See the base class; the centre is crossed at full speed."""
-        speed, w = uniform(self.speed, rng), uniform(self.frequency, rng)
+        speed, w = uniform(self.speed, numbers), uniform(self.frequency, numbers)
         size = speed / (w * math.sqrt(2))
-        values = [
+        return [
             *axis(0.0, 0.0, (size, w, 0.0)),
             *axis(0.0, 0.0, (size / 2, 2 * w, 0.0)),
             *axis(0.0, 0.0, (self.yaw_amplitude, w, 0.0)),
         ]
-        return np.array(values)
 
 
 @dataclass(frozen=True)
@@ -135,23 +134,26 @@ class Multisine(Harmonic):
     count: ClassVar[int] = 5
     harmonics = (5, 5, 5)
 
-    def multiples(self, rng: np.random.Generator) -> np.ndarray:
-        """Frequencies in units of the base frequency, (count,)."""
-        return np.arange(1.0, self.count + 1)
+    def multiples(self, numbers: Iterator) -> list:
+        """Frequencies in units of the base frequency, ``count`` components."""
+        return [float(k) for k in range(1, self.count + 1)]
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
+    def drawn(self, numbers: Iterator, ops: Ops) -> list:
         """See the base class; the speed limit holds for the sum of all sines of x and y."""
-        speed, w = uniform(self.speed, rng), uniform(self.frequency, rng)
-        limits = (speed / math.sqrt(2), speed / math.sqrt(2), uniform(self.yaw_rate, rng))
+        speed, w = uniform(self.speed, numbers), uniform(self.frequency, numbers)
+        limits = (speed / math.sqrt(2), speed / math.sqrt(2), uniform(self.yaw_rate, numbers))
         values = []
         for limit in limits:
-            frequencies = w * self.multiples(rng)
-            share = rng.uniform(0.5, 1.0, self.count)
-            amplitudes = limit * share / share.sum() / frequencies
-            phases = rng.uniform(0, 2 * math.pi, self.count)
-            start = -float(np.sum(amplitudes * np.sin(phases)))
+            frequencies = [w * multiple for multiple in self.multiples(numbers)]
+            share = [uniform((0.5, 1.0), numbers) for _ in frequencies]
+            whole = sum(share)
+            phases = [2 * math.pi * next(numbers) for _ in frequencies]
+            amplitudes = [
+                limit * part / whole / f for part, f in zip(share, frequencies, strict=True)
+            ]
+            start = -sum(a * ops.sin(p) for a, p in zip(amplitudes, phases, strict=True))
             values += axis(start, 0.0, *zip(amplitudes, frequencies, phases, strict=True))
-        return np.array(values)
+        return values
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,6 @@ class SmoothRandom(Multisine):
     count: ClassVar[int] = 3
     harmonics = (3, 3, 3)
 
-    def multiples(self, rng: np.random.Generator) -> np.ndarray:
+    def multiples(self, numbers: Iterator) -> list:
         """See the base class."""
-        return rng.uniform(0.3, 1.0, self.count)
+        return [uniform((0.3, 1.0), numbers) for _ in range(self.count)]

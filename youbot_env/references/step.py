@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-
-import numpy as np
 
 from youbot_env.backend import Ops
 from youbot_env.references.base import Motion, Reference, uniform
@@ -21,10 +20,10 @@ class Step(Reference):
 
     direction: float = math.pi / 4
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
+    def drawn(self, numbers: Iterator, ops: Ops) -> list:
         """See the base class: velocity along x and y, frequency."""
-        speed, w = uniform(self.speed, rng), uniform(self.frequency, rng)
-        return np.array([speed * math.cos(self.direction), speed * math.sin(self.direction), w])
+        speed, w = uniform(self.speed, numbers), uniform(self.frequency, numbers)
+        return [speed * math.cos(self.direction), speed * math.sin(self.direction), w]
 
     def evaluate(self, values, t, ops: Ops) -> Motion:
         """See the base class; position is a triangle wave, acceleration zero between steps."""

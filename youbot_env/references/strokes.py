@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
-
-import numpy as np
 
 from youbot_env.backend import Ops
 from youbot_env.references.base import Motion, Range, Reference, uniform
@@ -29,19 +28,21 @@ class Strokes(Reference):
     ramp: float = 0.3
     changes: ClassVar[int]
 
-    def velocities(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw how long each velocity is held (K - 1,), s, and the velocities (K - 1, 3)."""
+    def velocities(self, numbers: Iterator, ops: Ops) -> tuple[list, list]:
+        """How long each velocity is held, K - 1 components, s, and the velocities, three each."""
         raise NotImplementedError
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
+    def drawn(self, numbers: Iterator, ops: Ops) -> list:
         """See the base class."""
-        held, velocities = self.velocities(rng)
-        held = np.maximum(held, 1.2 * self.ramp)
-        times = np.concatenate([[0.0], np.cumsum(held)])
-        rest = np.zeros((1, 3))
-        change = np.diff(np.concatenate([rest, velocities, rest]), axis=0)
-        period = times[-1] + max(held.mean(), self.ramp)
-        return np.array([period, *np.column_stack([times, change]).ravel()])
+        held, velocities = self.velocities(numbers, ops)
+        held = [ops.maximum(seconds, 1.2 * self.ramp) for seconds in held]
+        rest = (0.0, 0.0, 0.0)
+        values, now = [], 0.0
+        starts, ends = [rest, *velocities], [*velocities, rest]
+        for before, after, seconds in zip(starts, ends, [*held, 0.0], strict=True):
+            values += [now, *(a - b for a, b in zip(after, before, strict=True))]
+            last, now = now, now + seconds
+        return [last + ops.maximum(sum(held) / len(held), self.ramp), *values]
 
     def evaluate(self, values, t, ops: Ops) -> Motion:
         """See the base class."""
@@ -75,19 +76,25 @@ class Joystick(Strokes):
     yaw_rate: Range = 0.8
     changes: ClassVar[int] = 41
 
-    def velocities(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    def velocities(self, numbers: Iterator, ops: Ops) -> tuple[list, list]:
         """See the base class."""
-        speed, yaw_rate = uniform(self.speed, rng), uniform(self.yaw_rate, rng)
-        half = math.pi / uniform(self.frequency, rng)
-        held = half * rng.uniform(0.3, 1.7, self.changes - 1)
-        limits = np.array([speed, speed, yaw_rate]) / (math.sqrt(2), math.sqrt(2), 1.0)
-        place, velocities = np.zeros(3), []
+        speed, yaw_rate = uniform(self.speed, numbers), uniform(self.yaw_rate, numbers)
+        half = math.pi / uniform(self.frequency, numbers)
+        held = [half * uniform((0.3, 1.7), numbers) for _ in range(self.changes - 1)]
+        limits = (speed / math.sqrt(2), speed / math.sqrt(2), yaw_rate)
+        place, velocities = [0.0, 0.0, 0.0], []
         for seconds in held:
-            size = rng.uniform(0.2, 1.0, 3) * (rng.uniform(size=3) < 0.6)
-            back = np.where(rng.uniform(size=3) < 0.7, -np.sign(place), rng.choice((-1, 1), 3))
-            velocities.append(limits * size * np.where(back == 0.0, 1.0, back))
-            place = place + seconds * velocities[-1]
-        return held, np.array(velocities)
+            velocity = []
+            for axis, limit in enumerate(limits):
+                size = uniform((0.2, 1.0), numbers)
+                moves, homeward, side = next(numbers) < 0.6, next(numbers) < 0.7, next(numbers)
+                any_way = ops.where(side < 0.5, -1.0, 1.0)
+                way = ops.where(homeward, -ops.sign(place[axis]), any_way)
+                way = ops.where(ops.abs(way) < 0.5, 1.0, way)
+                velocity.append(ops.where(moves, limit * size * way, 0.0))
+                place[axis] = place[axis] + seconds * velocity[-1]
+            velocities.append(tuple(velocity))
+        return held, velocities
 
 
 @dataclass(frozen=True)
@@ -103,11 +110,11 @@ class Square(Strokes):
     yaw_rate: Range = 0.8
     changes: ClassVar[int] = 13
 
-    def velocities(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    def velocities(self, numbers: Iterator, ops: Ops) -> tuple[list, list]:
         """See the base class."""
-        speed, turn = uniform(self.speed, rng), uniform(self.yaw_rate, rng)
-        leg = 2.0 * math.pi / uniform(self.frequency, rng) / 6.0
+        speed, turn = uniform(self.speed, numbers), uniform(self.yaw_rate, numbers)
+        leg = 2.0 * math.pi / uniform(self.frequency, numbers) / 6.0
         sides = [(speed, 0, 0), (0, speed, 0), (-speed, 0, 0), (0, -speed, 0), (0, 0, turn),
                  (0, 0, -turn)]  # fmt: skip
         velocities = [part for side in sides for part in (side, (0.0, 0.0, 0.0))]
-        return leg * np.tile((0.7, 0.3), 6), np.array(velocities)
+        return [leg * share for share in (0.7, 0.3) * 6], velocities
