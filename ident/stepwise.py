@@ -142,6 +142,16 @@ class Stepwise:
         return tuple(step.best.identifier for step in self._steps)
 
     @property
+    def steps(self) -> tuple[Step, ...]:
+        """What was added, each with the rivals that it cannot be told from."""
+        return tuple(self._steps)
+
+    @property
+    def looked(self) -> bool:
+        """Whether everything was tried on top of the last stage."""
+        return self.added in self._tried
+
+    @property
     def errors(self) -> FreeRunErrors:
         """Errors on held-out windows from the refit base on, and what noise and rolling leave."""
         if self.added not in self._all:
