@@ -175,7 +175,9 @@ def _kept(found: Diagnosis) -> bool:
     return found.verdict in KEPT or (found.verdict == "outside_library" and certain)
 
 
-def base_quantities(parts: list[Part], model: Model, factor: float, prior: Model) -> dict[str, Quantity]:
+def base_quantities(
+    parts: list[Part], model: Model, factor: float, prior: Model
+) -> dict[str, Quantity]:
     """Base parameters and lumps with half widths of ``factor`` standard errors."""
     seen = _seen(parts, model)
     seen = replace(seen, null=np.concatenate([seen.null, _no_better(parts, model, prior)]))
@@ -227,9 +229,7 @@ def _no_better(parts: list[Part], model: Model, prior: Model) -> np.ndarray:
     return np.pad(found, ((0, 0), (0, len(model.names()) - len(names))))
 
 
-def shifts(
-    before: dict[str, Quantity] | None, now: dict[str, Quantity]
-) -> dict[str, float | None]:
+def shifts(before: dict[str, Quantity] | None, now: dict[str, Quantity]) -> dict[str, float | None]:
     """How far base parameters moved between stages, in standard errors of the later one."""
     return {
         name: (q.value - before[name].value) / q.se if before is not None and q.se else None

@@ -20,7 +20,7 @@ from ident.diagnosis.minimum_detectable import MinimumDetectable, minimum_detect
 from ident.diagnosis.refit import Candidate, Refits, candidate, window_losses
 from ident.diagnosis.rounds import Round
 from ident.diagnosis.selection import Search, Step, sizes
-from ident.diagnosis.splits import FIT, VERIFY, Part
+from ident.diagnosis.splits import FIT, VERIFY
 from ident.diagnosis.verdict import decide
 from ident.improvement import base_quantities, shifts
 from ident.instruments import adapted, without_instruments

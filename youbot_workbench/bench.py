@@ -5,6 +5,7 @@ Every public method answers with the views that it changes, by name; ``worker`` 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +29,7 @@ from ident.report import interactive
 from ident.report.compare import comparison_page
 from ident.report.compare_time import player
 from ident.report.diagnose import odds
+from ident.report.look import pretty
 from ident.report.outcome import interval, percent, rounded
 from ident.results import Quantity, annotated
 from ident.sensitivity import window_length
@@ -46,10 +48,11 @@ from youbot_cli.log_options import (
     with_own_names,
 )
 from youbot_cli.pieces import Pieces
-from youbot_env.effects import get_effect
+from youbot_env.effects import effect_names, get_effect
 from youbot_env.effects_file import load_effects_file
 from youbot_env.model import Model
 from youbot_env.model_file import load_model, save_model
+from youbot_env.parameters import MEANING
 from youbot_env.references import Fourier, make_reference
 from youbot_env.references.designed import motion_text
 
@@ -60,6 +63,14 @@ WINDOWS = (0.5, 1.0, 2.0, 5.0, 10.0)
 TRIED_SECONDS = 24.0
 SLIDER = 3.0  # times the value, or the typical size, at the end of a slider
 SECRET = "truth.yaml"
+# What identifiable combinations are.
+COMBINED = {
+    "x1+x3": "m0 L² and the wheels' spin inertia",
+    "x2+x3": "I0 and the wheels' spin inertia",
+}
+# Views of the chain, empty where there is none.
+OF_CHAIN = ("bar", "which", "compare", "where", "trust", "use", "next", "attempt", "play",
+            "verdict", "preview", "sliders")  # fmt: skip
 
 
 class Bench:
@@ -116,8 +127,7 @@ class Bench:
         figure = interactive.recorded(parts["fit"][0]) if parts["fit"] else None
         check = {"logs": told, "usable": usable, "problem": problem, "figure": figure,
                  "recording": []}  # fmt: skip
-        return {"check": check, "bar": None, "which": None, "compare": None, "where": None,
-                "trust": None, "use": None, "next": None, "attempt": None, "play": None}  # fmt: skip
+        return {"check": check} | dict.fromkeys(OF_CHAIN)
 
     def _read(self, source: str, role: str) -> tuple[Log | None, dict[str, Any]]:
         entry: dict[str, Any] = {"source": source, "name": Path(source).name, "role": role,
@@ -156,8 +166,8 @@ class Bench:
             return views
         self.push(views)
         start = used_model(load_model(settings["model"]), self.logs)
-        used = {"logs": [log.digest for log in self.logs],
-                "tests": [log.digest for log in self.tests], "model": settings["model"]}  # fmt: skip
+        used = {"logs": [log.digest for log in self.logs], "model": settings["model"],
+                "tests": [log.digest for log in self.tests]}  # fmt: skip
         with keeping(Pieces(self.folder / "kept", used)):
             try:
                 self.chain = Stepwise(
@@ -180,7 +190,7 @@ class Bench:
         verdict, reason, experiment = self._chain.verdict()
         rows = [_tried_row(one) for one in tried]
         untold = self._untried({one.effect for one in tried})
-        told = {"verdict": verdict, "reason": reason}
+        told = {"verdict": verdict, "reason": in_titles(reason)}
         return {
             "which": {"rows": rows, "untried": untold, "floor": self._chain.errors.floor} | told,
             "verdict": told,
@@ -210,9 +220,7 @@ class Bench:
             views = self.add(best.effect)
         return views
 
-    def show(
-        self, window: float | None, log: int | None, signal: str, regime: str | None
-    ) -> Views:
+    def show(self, window: float | None, log: int | None, signal: str, regime: str | None) -> Views:
         """Draw comparison and residuals with another window, log, signal or regime."""
         return {"compare": self._compare_view(window, log, regime),
                 "where": self._where_view(window, log, signal, regime)}  # fmt: skip
@@ -515,7 +523,9 @@ class Bench:
         base = self._chain.stages[-1].base
         for name, value in _parameters(model).items():
             q = base.get(name)
-            found.append(_slider(name, "", value, q.unit if q else "", 0.2 * value, 2 * value))
+            found.append(
+                _slider(name, MEANING[name], value, q.unit if q else "", 0.2 * value, 2 * value)
+            )
         for active in model.effects:
             for flat, value in active.values.items():
                 p = active.effect.parameter_of(flat)
@@ -547,7 +557,8 @@ class Bench:
         added = f", add={tuple(chain.added)!r}" if chain.added else ""
         python = [
             "from ident import identify, improve",
-            f"found = improve({logs[0]!r}, {start!r}{test})          # the whole loop",
+            "# the whole loop, or these effects alone",
+            f"found = improve({logs[0]!r}, {start!r}{test})",
             f"mine = identify({logs[0]!r}, {start!r}{added}, method='free-run'{test})",
             "",
             "import gymnasium as gym, youbot_env",
@@ -666,6 +677,14 @@ def _error(traced: MinimumDetectable) -> float:
     return max((traced.ci95[1] - traced.ci95[0]) / 4, 1e-12)
 
 
+def in_titles(text: str) -> str:
+    """A sentence in which effects are called by their titles."""
+    names = sorted(effect_names(), key=len, reverse=True)
+    for name in names:
+        text = re.sub(rf"\b{name}\b", get_effect(name).title.lower(), text)
+    return text
+
+
 def mathml(equation: str) -> str:
     """A LaTeX equation as MathML, which browsers draw without scripts and fonts."""
     from latex2mathml.converter import convert
@@ -682,15 +701,23 @@ def _size_of(stage: ChainStage) -> str:
 
 
 def _parameter_row(name: str, q: Quantity, shift: float | None) -> dict[str, Any]:
-    return {"name": name, "value": rounded(q.value, q.se), "ci95": interval(q), "unit": q.unit,
-            "shift": None if shift is None else round(shift, 1), "meaning": ""}  # fmt: skip
+    return {"name": name, "value": rounded(q.value, q.se), "ci95": interval(q),
+            "unit": pretty(q.unit), "shift": None if shift is None else round(shift, 1),
+            "meaning": COMBINED.get(name) or MEANING.get(name, "")}  # fmt: skip
 
 
 def _slider(
     name: str, title: str, value: float, unit: str, low: float, high: float
 ) -> dict[str, Any]:
     low, high = min(low, high, value), max(low, high, value)
-    return {"name": name, "title": title, "value": value, "unit": unit, "low": low, "high": high}
+    return {
+        "name": name,
+        "title": title,
+        "value": value,
+        "unit": pretty(unit),
+        "low": low,
+        "high": high,
+    }
 
 
 def _parameters(model: Model) -> dict[str, float]:

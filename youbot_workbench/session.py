@@ -86,11 +86,18 @@ class Session:
                 self.keep()
             return False
 
+    async def begin(self) -> None:
+        """Fit the base model to the logs, if there are any, and try every effect."""
+        if not self.settings["logs"] or self.views.get("bar"):
+            return
+        if await self.do("start", settings=self.settings) and self.views.get("bar"):
+            await self.do("which")
+
     async def _call(self, name: str, **arguments: Any) -> dict[str, Any]:
         return await self.worker.call(name, arguments, self._tell, self.take)
 
     def _tell(self, what: str) -> None:
-        self.doing = what
+        self.doing = what.replace("_", " ")
         self.version["job"] += 1
 
     def take(self, views: dict[str, Any]) -> None:
@@ -130,6 +137,7 @@ class Session:
 
     def _relative(self) -> dict[str, Any]:
         """Settings in which files of the folder are named from there, so that it can be moved."""
+
         def short(path: str) -> str:
             inside = Path(path).is_relative_to(self.folder)
             return str(Path(path).relative_to(self.folder)) if inside else path

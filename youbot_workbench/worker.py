@@ -74,7 +74,9 @@ class Worker:
         if not self.running:
             await self.begin()
         process = self._process
-        assert process is not None and process.stdin is not None and process.stdout is not None
+        assert process is not None
+        assert process.stdin is not None
+        assert process.stdout is not None
         line = json.dumps({"call": name, "arguments": arguments}) + "\n"
         try:
             process.stdin.write(line.encode())

@@ -3,11 +3,12 @@
 The workbench draws them; ``plotly.graph_objects.Figure(figure)`` shows the same in a notebook.
 Nothing is computed here but what a drawing needs.  Colours are those of Okabe and Ito, which people
 tell apart whatever their colour vision; lines differ in dash as well.  Text and grid have no
-colour of their own: ``themed`` gives them one.
+colour of their own: ``ident.report.themes`` gives them one.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,54 +21,21 @@ from ident.comparison.regimes import slices
 from ident.comparison.shares import stretch_numbers
 from ident.free_run import FreeRun
 from ident.log import Log
-from ident.report.look import thin
+from ident.report.look import pretty, thin
+from ident.report.themes import DASHES, STAGES, stage_color
 from ident.results import Quantity
 from youbot_env.backend import NUMPY
+from youbot_env.effects import effect_names, get_effect
 from youbot_env.references import Reference
 
 Figure = dict[str, Any]
 
-# Measured is the colour of text; stages of a model in this order.
-STAGES = ("#E69F00", "#56B4E9", "#0072B2", "#009E73", "#CC79A7", "#D55E00")
-DASHES = ("dot", "dash", "solid", "solid", "solid", "solid")
 FLOOR = "#8a8f98"
 VELOCITIES = (("V<sub>X</sub>", "m/s"), ("V<sub>Y</sub>", "m/s"), ("Ω", "rad/s"))
 SHORT, LONG = 24, 40  # bins of a residual
 POINTS = 2400
 # Signals that residuals are drawn over, by the name in a menu.
 SIGNALS = ("wheel speed", "roller phase", "wheel torque", "heading", "time")
-
-
-def stage_color(number: int) -> str:
-    """Colour of a stage, counted from the start; later than the palette is long it repeats."""
-    return STAGES[number] if number < len(STAGES) else STAGES[2 + (number - 2) % 4]
-
-
-def themed(figure: Figure, dark: bool) -> Figure:
-    """The figure with text and grid for a light or a dark page."""
-    ink, soft, grid = ("#e8eaed", "#aab0b8", "#3a3f47") if dark else ("#1d2127", "#5a6069", "#e3e6ea")
-    layout = {
-        "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)",
-        "font": {"family": "system-ui, sans-serif", "size": 13, "color": ink},
-        "hoverlabel": {"bgcolor": "#23272e" if dark else "#ffffff", "font": {"color": ink}},
-        "margin": {"l": 64, "r": 16, "t": 30, "b": 48},
-    } | figure["layout"]  # fmt: skip
-    for name, axis in figure["layout"].items():
-        if name.startswith(("xaxis", "yaxis")):
-            lines = {"gridcolor": grid, "zerolinecolor": soft, "linecolor": soft}
-            layout[name] = {**lines, "zerolinewidth": 1, **axis}
-    data = [_inked(trace, ink) for trace in figure["data"]]
-    config = {"displaylogo": False, "responsive": True, "displayModeBar": False}
-    return {"data": data, "layout": layout, "config": config}
-
-
-def _inked(trace: dict, ink: str) -> dict:
-    """Lines and markers of the colour ``ink`` get the colour of text."""
-    found = dict(trace)
-    for key in ("line", "marker"):
-        if key in found and found[key].get("color") == "ink":
-            found[key] = found[key] | {"color": ink}
-    return found
 
 
 def staircase(names: Sequence[str], errors: Sequence[float], floor: float | None) -> Figure:
@@ -83,13 +51,15 @@ def staircase(names: Sequence[str], errors: Sequence[float], floor: float | None
     ]  # fmt: skip
     shapes = []
     if floor:
+        line = {"color": FLOOR, "dash": "dot", "width": 1.5}
         shapes.append({"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": 100 * floor,
-                       "y1": 100 * floor, "line": {"color": FLOOR, "dash": "dot", "width": 1.5}})  # fmt: skip
+                       "y1": 100 * floor, "line": line})  # fmt: skip
     values = percent + ([100 * floor] if floor else [])
     low, high = np.log10(min(values)) - 0.25, np.log10(max(values)) + 0.25
     layout = {
         "showlegend": False, "shapes": shapes, "margin": {"l": 44, "r": 8, "t": 6, "b": 8},
-        "xaxis": {"visible": False, "range": [-0.3, max(len(names) - 0.7, 1.2)], "fixedrange": True},
+        "xaxis": {"visible": False, "range": [-0.3, max(len(names) - 0.7, 1.2)],
+                  "fixedrange": True},
         "yaxis": {"type": "log", "range": [float(low), float(high)], "ticksuffix": " %",
                   "fixedrange": True, "dtick": 1, "tickfont": {"size": 10}},
     }  # fmt: skip
@@ -114,7 +84,7 @@ def velocities(
     """
     data: list[dict] = []
     first = runs[0][2]
-    for k, (symbol, unit) in enumerate(VELOCITIES):
+    for k, (_, unit) in enumerate(VELOCITIES):
         axes = {"xaxis": "x", "yaxis": f"y{k + 1}" if k else "y"}
         lines = [("measured", {"color": "ink", "width": 3}, first.measured, 0.55)]
         lines += [
@@ -141,7 +111,7 @@ def velocities(
     layout = {
         "shapes": shapes, "annotations": notes, "hovermode": "x unified",
         "legend": {"orientation": "h", "y": 1.04, "x": 0.12, "yanchor": "bottom"},
-        "margin": {"l": 70, "r": 16, "t": 56, "b": 46},
+        "margin": {"l": 70, "r": 16, "t": 44, "b": 46},
         "xaxis": {"title": {"text": f"time, s{told}"}, "anchor": "y3"},
     }  # fmt: skip
     for k, (symbol, unit) in enumerate(VELOCITIES):
@@ -149,7 +119,8 @@ def velocities(
         low, high = np.percentile(first.measured[:, k], (0.2, 99.8))
         room = 0.35 * (high - low) or 0.1
         layout[f"yaxis{k + 1}" if k else "yaxis"] = {
-            "title": {"text": f"{symbol}, {unit}"}, "domain": [(2 - k) * 0.345, (2 - k) * 0.345 + 0.31],
+            "title": {"text": f"{symbol}, {unit}"},
+            "domain": [(2 - k) * 0.345, (2 - k) * 0.345 + 0.31],
             "range": [float(low - room), float(high + room)],
         }  # fmt: skip
     return {"data": data, "layout": layout}
@@ -205,8 +176,8 @@ def residual_torques(
             ends += [y.min(), y.max()]
     high = 1.25 * max(map(abs, ends), default=1.0)
     layout: dict[str, Any] = {
-        "legend": {"orientation": "h", "y": 1.08, "yanchor": "bottom"}, "annotations": [],
-        "margin": {"l": 70, "r": 16, "t": 62, "b": 52},
+        "legend": {"orientation": "h", "y": 1.03, "yanchor": "bottom"}, "annotations": [],
+        "margin": {"l": 70, "r": 16, "t": 44, "b": 48},
     }  # fmt: skip
     columns, rows = 2, -(-len(wheels) // 2)
     for k, wheel in enumerate(wheels):
@@ -254,7 +225,8 @@ def regimes(where: Sequence[Regime], rows: int = 12) -> Figure:
         "showlegend": False, "margin": {"l": 250, "r": 16, "t": 10, "b": 48},
         "shapes": [{"type": "line", "x0": 1, "x1": 1, "yref": "paper", "y0": 0, "y1": 1,
                     "line": {"color": FLOOR, "width": 1}}],
-        "xaxis": {"title": {"text": "share of the error over share of the time"}, "rangemode": "tozero"},
+        "xaxis": {"title": {"text": "share of the error over share of the time"},
+                  "rangemode": "tozero"},
         "yaxis": {"type": "category", "showgrid": False, "fixedrange": True},
     }  # fmt: skip
     return {"data": data, "layout": layout}
@@ -284,15 +256,15 @@ def account(shares: dict[str, float]) -> Figure:
     """What the base model's squared error is made of; shares add up to one."""
     data, colors = [], iter((*STAGES[2:], *STAGES[:2]))
     fixed = {"white noise": FLOOR, "lasting noise of the drive": "#b5b9c0", "parameters": "#c9b27c",
-             "rolling": "#a58d6f", "remainder": "#222222"}  # fmt: skip
+             "rolling": "#a58d6f", "remainder": "ink"}  # fmt: skip
     for name, share in shares.items():
         color = fixed.get(name) or next(colors)
         if share < 5e-5:
             continue
         data.append({
             "type": "bar", "orientation": "h", "x": [round(100 * share, 3)], "y": ["error"],
-            "name": name, "marker": {"color": color},
-            "hovertemplate": f"{name}: {100 * share:.2g} %<extra></extra>",
+            "name": _titled(name), "marker": {"color": color},
+            "hovertemplate": f"{_titled(name)}: {100 * share:.2g} %<extra></extra>",
         })  # fmt: skip
     layout = {
         "barmode": "stack", "margin": {"l": 16, "r": 16, "t": 8, "b": 44},
@@ -313,8 +285,8 @@ def parameters(stages: Sequence[tuple[str, int, dict[str, Quantity]]]) -> Figure
     data, columns = [], 3
     rows = -(-len(names) // columns)
     layout: dict[str, Any] = {
-        "annotations": [], "legend": {"orientation": "h", "y": 1.05, "yanchor": "bottom"},
-        "margin": {"l": 64, "r": 16, "t": 56, "b": 16},
+        "annotations": [], "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
+        "margin": {"l": 56, "r": 16, "t": 36, "b": 10},
     }  # fmt: skip
     for k, name in enumerate(names):
         row, column = divmod(k, columns)
@@ -344,8 +316,9 @@ def parameters(stages: Sequence[tuple[str, int, dict[str, Quantity]]]) -> Figure
             "zeroline": False,
         }  # fmt: skip
         layout["annotations"].append({
-            "text": f"{name}, {stages[0][2][name].unit}", "showarrow": False, "xref": "paper",
-            "yref": "paper", "x": left + 0.015, "y": top, "xanchor": "left", "yanchor": "bottom",
+            "text": f"{_symbol(name)}, {pretty(stages[0][2][name].unit)}", "showarrow": False,
+            "xref": "paper", "yref": "paper", "x": left + 0.015, "y": top,
+            "xanchor": "left", "yanchor": "bottom",
         })  # fmt: skip
     return {"data": data, "layout": layout}
 
@@ -481,6 +454,16 @@ def _band(span: tuple[float, float], color: str) -> dict[str, Any]:
 def _faint(color: str) -> str:
     red, green, blue = (int(color[k : k + 2], 16) for k in (1, 3, 5))
     return f"rgba({red},{green},{blue},0.18)"
+
+
+def _titled(name: str) -> str:
+    return get_effect(name).title.lower() if name in effect_names() else name
+
+
+def _symbol(name: str) -> str:
+    """A parameter as print shows it."""
+    letters = name.replace("mu", "μ").replace("_", "")
+    return re.sub(r"(\w)([\dxy])(?=\W|$)", r"\1<sub>\2</sub>", letters)
 
 
 def _list(values) -> list[float | None]:
