@@ -44,6 +44,7 @@ from youbot_cli.log_options import (
     used_model,
 )
 from youbot_cli.pieces import Pieces, digest, place
+from youbot_env.model import Model
 from youbot_env.model_file import load_model, save_model
 
 # What the controllers are tried on: a figure of eight beyond the 0.5 rad/s of the paper.
@@ -122,7 +123,7 @@ def main(
             tracking = None
             if usable and len(done.stages) > 1:
                 say("trying the controllers")
-                tracking = tried(done, records, seed)
+                tracking = tried(done.stages[0].model, done.model, records, seed)
             gains = [
                 *([str(tracking)] if tracking else []),
                 *(uses(out, records) if usable else []),
@@ -150,13 +151,13 @@ def main(
         raise console.CheckFailed(f"nothing was added, {out} {kept}: {done.found.reason}")
 
 
-def tried(done: Improvement, logs: list[Log], seed: int) -> Tracking:
+def tried(base: Model, final: Model, logs: list[Log], seed: int) -> Tracking:
     """Drive a robot like the final model with a controller that believes the base or the final.
 
     Commands may be as large as they were in the logs, or as the controller's own limit.
     """
-    robot, largest, errors = Subject("analytic", 0, done.model, seed), largest_command(logs), []
-    for believed in (done.stages[0].model, done.model):
+    robot, largest, errors = Subject("analytic", 0, final, seed), largest_command(logs), []
+    for believed in (base, final):
         controller = make("computed_torque", believed)
         limit = max(controller.settings.torque_limit, largest)
         controller = make("computed_torque", believed, torque_limit=limit)

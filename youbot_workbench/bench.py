@@ -70,7 +70,7 @@ COMBINED = {
 }
 # Views of the chain, empty where there is none.
 OF_CHAIN = ("bar", "which", "compare", "where", "trust", "use", "next", "attempt", "play",
-            "verdict", "preview", "sliders")  # fmt: skip
+            "verdict", "preview", "sliders", "control")  # fmt: skip
 
 
 class Bench:
@@ -239,7 +239,8 @@ class Bench:
         model = one.refined.simulations[number].model
         now = self._comparison(last, None, number)
         then = compare(chain.parts[number].log, [replace(model, name=f"with {effect}")])[0]
-        pair = [(chain.stages[last].name, last, now), (f"with {effect}", last + 1, then)]
+        pair = [(self._chip(chain.stages[last]), last, now),
+                (f"with {title.lower()}", last + 1, then)]  # fmt: skip
         figure = interactive.residual_torques(pair, signal)
         words = f"{title}: residual torque now, and with it fitted"
         return {"preview": {"effect": effect, "figure": figure, "words": words}}
@@ -260,7 +261,7 @@ class Bench:
         whole = log_of.part(log_of.time[0], log_of.time[0] + min(TRIED_SECONDS, log_of.duration))
         window = window_length(log_of)
         last = len(chain.stages) - 1
-        runs = [(stage.name, last, free_run(whole, model, window)),
+        runs = [(self._chip(stage), last, free_run(whole, model, window)),
                 ("tried", last + 1, free_run(whole, changed, window))]  # fmt: skip
         figure = interactive.velocities(runs, float(log_of.time[0]), window=window)
         errors = [run.nrmse for _, _, run in runs]
@@ -340,6 +341,15 @@ class Bench:
         path = self._write_model()
         return {"use": self._use_view(path)}
 
+    def control(self) -> Views:
+        """Follow a figure of eight with controllers that believe the refit and the last model."""
+        from youbot_cli.improve import tried
+
+        chain = self._chain
+        self.tell("driving both models round a figure of eight")
+        found = tried(chain.stages[1].model, chain.stages[-1].model, self.logs, 0)
+        return {"control": {"words": str(found), "base": found.base, "final": found.final}}
+
     def report(self) -> Views:
         """Write a static page that compares all stages."""
         chain, number = self._chain, self._chain.judging
@@ -370,6 +380,7 @@ class Bench:
             "preview": None,
             "attempt": None,
             "play": None,
+            "control": None,
             "compare": self._compare_view(None, None, None),
             "where": self._where_view(None, None, interactive.SIGNALS[0], None),
             "trust": self._trust_view(),
@@ -585,9 +596,10 @@ class Bench:
         seconds = 112.0 if chosen == "calibration" else SETTINGS.experiment_seconds
         words = ""
         if experiment and experiment.separates:
+            rivals = in_titles(" from ".join(experiment.separates))
             words = (
-                f"{experiment.purpose}: tells {' from '.join(experiment.separates)} with expected "
-                f"odds of {odds(experiment.odds)}, by simulations of each with the other fitted"
+                f"{experiment.purpose}: tells {rivals}, expected "
+                f"odds {odds(experiment.odds)}, by simulations of each with the other fitted"
             )
         elif experiment:
             words = experiment.purpose

@@ -38,7 +38,8 @@ def check(page: Page) -> None:
                 head("How they were recorded", "found from the logs, before anything else")
                 for line in view["recording"]:
                     ui.html(f'<div class="finding">{html.escape(line)}</div>', sanitize=False)
-            with ui.expansion("Open other logs, or read these in another way").classes("w-full"):
+            words = "Open other logs, or read these in another way"
+            with ui.expansion(words, value=not view["usable"]).classes("w-full"):
                 _own(page, page.session.settings)
         with ui.element("div"):
             if view["figure"]:

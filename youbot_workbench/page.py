@@ -23,12 +23,17 @@ ROOMS: dict[str, tuple[Callable, tuple[str, ...]]] = {
     "Compare": (rooms.compare, ("compare",)),
     "Where": (rooms.where, ("where",)),
     "Which": (rooms.which, ("which", "preview")),
-    "Try": (rooms.attempt, ("sliders", "attempt")),
+    "Try": (rooms.attempt, ("sliders",)),
     "Play": (rooms.play, ("play",)),
     "Trust": (rooms.trust, ("trust",)),
     "Next": (rooms.next_record, ("next", "check")),
-    "Use": (rooms.use, ("use", "report", "answer", "bar")),
+    "Use": (rooms.use, ("use", "report", "answer", "control")),
 }
+# A figure that leaves the page while its size changes is no fault worth telling.
+QUIET = (
+    "<script>addEventListener('unhandledrejection', event => { if (String(event.reason).includes("
+    "'Resize must be passed')) event.preventDefault(); });</script>"
+)
 TICK = 0.2  # s between looks at what has changed
 SAID = {
     "more_to_add": "Something is missing",
@@ -58,6 +63,7 @@ class Page:
         self._bodies: dict[str, ui.element] = {}
         self._shown: set[str] = set()
         ui.add_css(STYLE)
+        ui.add_head_html(QUIET)
         ui.colors(primary="#0072b2")
         ui.page_title("youBot workbench")
         self._build()
@@ -83,6 +89,7 @@ class Page:
                 with ui.tab_panel(name):
                     self._bodies[name] = ui.element("div").classes("w-full")
         self.panels = panels
+        self._dialogs = ui.element("div")  # what is drawn anew must not take a dialog with it
         ui.keyboard(on_key=self._key)
         self.look()
 
@@ -103,6 +110,7 @@ class Page:
 
     def _entered(self) -> None:
         self.session.settings["room"] = self.room
+        ui.run_javascript("window.scrollTo(0, 0)")
         self.look()
 
     # What has changed
@@ -111,9 +119,9 @@ class Page:
         """Redraw what has changed since the last look."""
         self.session.seen = time.monotonic()
         version = self.session.version
-        now = {name: version[name] for name in (*version, "dark")}
+        now = {name: version[name] for name in ("check", "bar", "verdict", "which", "dark")}
         now["job"] = version["job"] * 2 + self.session.busy
-        if self._differs(now, "check"):
+        if self._differs(now, "check", "dark"):
             self._draw(self._top, self._logs)
         if self._differs(now, "bar", "which", "verdict", "dark"):
             self._draw(self._chain, self._chips)
@@ -121,8 +129,7 @@ class Page:
             self._draw(self._fallen, self._number)
         if self._differs(now, "job", "verdict", "bar", "check"):
             self._draw(self._said, self._saying)
-        bars = ("check", "bar", "job", "verdict", "which", "dark")
-        self._seen |= {k: v for k, v in now.items() if k in bars}
+        self._seen |= now
         for name, (draw, views) in ROOMS.items():
             stamp = tuple(version[view] for view in (*views, "dark"))
             if name == self.room and self._seen.get(f"room {name}") != stamp:
@@ -130,7 +137,7 @@ class Page:
                 self._draw(self._bodies[name], lambda draw=draw: draw(self))
 
     def _differs(self, now: dict[str, int], *names: str) -> bool:
-        return any(self._seen.get(name) != now.get(name, 0) for name in names)
+        return any(self._seen.get(name) != now[name] for name in names)
 
     def _draw(self, place: ui.element, content: Callable[[], None]) -> None:
         place.clear()
@@ -145,18 +152,10 @@ class Page:
             for one in (self.session.views.get("check") or {}).get("logs", ()):
                 self._log_chip(one)
         with ui.row().classes("no-wrap gap-1"):
-            ui.button("New", on_click=self._new, color=None).props("flat dense").classes(
-                "plain"
-            ).tooltip("another session")
-            ui.button("Save", on_click=self._save, color=None).props("flat dense").classes(
-                "plain"
-            ).tooltip("the session into a folder")
-            ui.button("Open", on_click=self._open, color=None).props("flat dense").classes(
-                "plain"
-            ).tooltip("a saved session")
-            ui.button(
-                "Light" if self.dark.value else "Dark", on_click=self._turn, color=None
-            ).props("flat dense").classes("plain")
+            self._plain("New", self._new, "another session, beside this one")
+            self._plain("Save", self._save, "the session into a folder")
+            self._plain("Open", self._open, "a session that was saved")
+            self._plain("Light" if self.dark.value else "Dark", self._turn, "colours of the page")
 
     def _log_chip(self, one: dict[str, Any]) -> None:
         kinds = [SEVERITIES[f["severity"]] for f in one["findings"]]
@@ -188,12 +187,17 @@ class Page:
                     f"Add {best['title'].lower()}",
                     on_click=lambda: self.add(best["effect"]), color=None,
                 ).props("flat no-caps").classes("chip next").mark("add-best")  # fmt: skip
+            if best:
+                told = "the whole loop: add the best, fit again, until nothing passes"
+                self._plain("Add all that pass", lambda: self.do("loop"), told)
             if last > 1:
-                ui.button(
-                    "Undo", on_click=lambda: self.do("back", stage=last - 1), color=None
-                ).props("flat dense no-caps").classes("plain").tooltip(
-                    "take the last effect out again"
-                )
+                told = "take the last effect out again"
+                self._plain("Undo", lambda: self.do("back", stage=last - 1), told)
+
+    @staticmethod
+    def _plain(name: str, call: Callable[[], None], told: str) -> None:
+        button = ui.button(name, on_click=call, color=None).props("flat dense no-caps")
+        button.classes("plain").tooltip(told)
 
     def _number(self) -> None:
         bar = self.session.views.get("bar")
@@ -257,13 +261,18 @@ class Page:
                 )
         elif check and not check["usable"]:
             said, why = "The logs do not pass yet", check["problem"] or "see Check"
+        elif check and check["logs"]:
+            said, why = "The logs pass", "nothing is fitted yet"
+            ui.button("Fit the base model", on_click=self.begin).props(
+                "outline dense no-caps size=sm"
+            )
         else:
             said, why = "Open a log to begin", ""
         ui.html(
             f'<span class="mark">{html.escape(said)}</span>'
             f'<span class="why" title="{html.escape(why)}">{html.escape(why)}</span>',
             sanitize=False,
-        )
+        ).classes("line")
 
     # What buttons do
 
@@ -320,7 +329,7 @@ class Page:
             dialog.close()
             ui.notify(f"saved to {place.value}")
 
-        with ui.dialog() as dialog, ui.card().style("min-width: 480px"):
+        with self._dialogs, ui.dialog() as dialog, ui.card().style("min-width: 480px"):
             ui.label("Save the session: logs, model, views and finished work").classes("text-bold")
             place = ui.input("new folder", value="runs/session").classes("w-full")
             told = ui.label().classes("trouble-text")
@@ -338,7 +347,7 @@ class Page:
                 return
             ui.navigate.to(f"/s/{session.name}")
 
-        with ui.dialog() as dialog, ui.card().style("min-width: 480px"):
+        with self._dialogs, ui.dialog() as dialog, ui.card().style("min-width: 480px"):
             ui.label("Open a session that was saved").classes("text-bold")
             place = ui.input("folder", value="runs/session").classes("w-full")
             told = ui.label().classes("trouble-text")

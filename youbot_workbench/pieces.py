@@ -39,7 +39,12 @@ def head(title: str, lead: str = "") -> None:
         ui.html(f'<p class="lead">{html.escape(lead)}</p>', sanitize=False)
 
 
-def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], words: Sequence[int] = (0,)) -> None:
+def table(
+    heads: Sequence[str],
+    rows: Sequence[Sequence[Any]],
+    words: Sequence[int] = (0,),
+    narrow: bool = False,
+) -> None:
     """A plain table; columns of ``words`` are set to the left."""
 
     def row(cells: Sequence[Any], kind: str) -> str:
@@ -48,8 +53,9 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], words: Sequence[i
         return f"<tr>{''.join(marked)}</tr>"
 
     body = "".join(row(cells, "td") for cells in rows)
+    kind = "plain narrow" if narrow else "plain"
     ui.html(
-        f'<table class="plain"><thead>{row(heads, "th")}</thead><tbody>{body}</tbody></table>',
+        f'<table class="{kind}"><thead>{row(heads, "th")}</thead><tbody>{body}</tbody></table>',
         sanitize=False,
     ).classes("w-full")
 

@@ -374,7 +374,7 @@ def next_record(page: Page) -> None:
             ).props("outline no-caps dense")  # fmt: skip
     figure(view["figure"], page.dark.value, 360)
     if view["odds"]:
-        table(("motion", "odds of the true one after 60 s"), view["odds"])
+        table(("motion", "odds of the true one after 60 s"), view["odds"], narrow=True)
     head(
         "On a simulated robot",
         "This records the model that you have now, not the robot of your logs: pool it with them "
@@ -425,6 +425,12 @@ def use(page: Page) -> None:
             code(view["python"])
             head("The same as commands")
             code(view["shell"])
+            head("What a controller gains")
+            gained = session.views.get("control")
+            if gained:
+                ui.html(f'<p class="lead">{html.escape(gained["words"])}</p>', sanitize=False)
+            else:
+                ui.button("Drive both models", on_click=lambda: page.do("control")).props("outline")
             if session.settings.get("hidden"):
                 _answer(page)
         with ui.element("div"):

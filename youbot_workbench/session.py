@@ -53,7 +53,7 @@ class Session:
         self.worker, self.seen = Worker(folder), time.monotonic()
         self._turn = asyncio.Lock()
         self._attempt: dict[str, Any] | None = None
-        self._stopped = False
+        self._answering = self._stopped = False
 
     @property
     def busy(self) -> bool:
@@ -117,14 +117,16 @@ class Session:
 
     async def attempt(self, values: dict[str, float], log: int | None) -> None:
         """Simulate values tried by hand; of a burst of moves only the last is answered."""
-        waiting = self._attempt is not None
         self._attempt = {"values": values, "log": log}
-        if waiting:
+        if self._answering:
             return
-        while self._attempt is not None:
-            async with self._turn:
+        self._answering = True
+        try:
+            while self._attempt is not None:
                 asked, self._attempt = self._attempt, None
-            await self.do("attempt", **asked)
+                await self.do("attempt", **asked)
+        finally:
+            self._answering = False
 
     # The folder
 

@@ -182,10 +182,10 @@ def residual_torques(
     columns, rows = 2, -(-len(wheels) // 2)
     for k, wheel in enumerate(wheels):
         row, column = divmod(k, columns)
-        left, bottom = column * 0.53, 1 - (row + 1) / rows + (0.1 / rows if row < rows - 1 else 0)
+        left, bottom = column * 0.56, 1 - (row + 1) / rows + (0.1 / rows if row < rows - 1 else 0)
         top, tail = 1 - row / rows - (0.07 if row else 0.0), f"{k + 1}" if k else ""
         layout[f"xaxis{tail}"] = {
-            "domain": [left, left + 0.47], "anchor": f"y{tail}", "matches": "x" if k else None,
+            "domain": [left, left + 0.44], "anchor": f"y{tail}", "matches": "x" if k else None,
             "title": {"text": title, "standoff": 4} if row == rows - 1 else {"text": ""},
         }  # fmt: skip
         layout[f"yaxis{tail}"] = {
