@@ -129,6 +129,7 @@ def test_effects_of_a_user_are_tried(tmp_path):
     async def begin() -> None:
         await session.begin()
         session.cancel()
+        await asyncio.sleep(0.5)  # the process is reaped while the loop still runs
 
     asyncio.run(begin())
     assert session.trouble == ""

@@ -709,7 +709,7 @@ def _size_of(stage: ChainStage) -> str:
     if len(values) != 1:
         return ""
     q = next(iter(values.values()))
-    return f" {rounded(q.value, q.se)} {q.unit}"
+    return f" {q.value:.3g} {q.unit}"
 
 
 def _parameter_row(name: str, q: Quantity, shift: float | None) -> dict[str, Any]:

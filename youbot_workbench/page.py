@@ -218,7 +218,7 @@ class Page:
         button.props("flat no-caps")
         with button.classes("chip now" if k == last else "chip"):
             ui.html(
-                f'<span class="dot" style="background:{stage_color(k)}"></span>'
+                f'<span class="dot" style="background:{stage_color(k, self.dark.value)}"></span>'
                 f"{html.escape(name)}<span class=err>{percent(error)}</span>",
                 sanitize=False,
             ).style("display:flex; align-items:center")

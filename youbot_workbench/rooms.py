@@ -13,7 +13,9 @@ from youbot_workbench.pieces import TALL, code, figure, head, percent, table
 if TYPE_CHECKING:
     from youbot_workbench.page import Page
 
-AXES = ("V_X, m/s", "V_Y, m/s", "Ω, rad/s")
+# The player draws on white; at night its picture is turned over, colours kept.
+NIGHT = ".player canvas{filter:invert(.91) hue-rotate(180deg)}"
+AXES = ("vx rms, m/s", "vy rms, m/s", "yaw rate rms, rad/s")
 
 
 def _wait(page: Page, words: str) -> None:
@@ -47,7 +49,7 @@ def compare(page: Page) -> None:
             _log_choice(page, view)
             _regime_chip(page, view["regime"])
     figure(view["figure"], page.dark.value, TALL.format(460))
-    heads = ("model", *(f"{axis} rms" for axis in AXES), "all, held out", "all, whole log")
+    heads = ("model", *AXES, "all, held out", "all, whole log")
     table(heads, view["rows"])
 
 
@@ -92,7 +94,7 @@ def where(page: Page) -> None:
             figure(view["figure"], page.dark.value, TALL.format(345))
         with ui.element("div"):
             head(
-                f"When {view['of']} fails",
+                "When the last model fails",
                 "Error over time in each kind of moment; filled: more than chance at a false "
                 "discovery rate of 5 %. Click one to see only its moments, here and in Compare.",
             )
@@ -192,11 +194,11 @@ def _effect(page: Page, row: dict[str, Any], chosen: bool) -> None:
     ).classes(f"cell right{mood}").tooltip(f"alone, before a refit: {row['ci95']}")  # fmt: skip
     ui.html(
         f"<span>{html.escape(row['smallest'] or 'not at all')}</span>"
-        f'<span class="id">typical: {100 * row["power"]:.0f} %</span>', sanitize=False,
+        f'<span class="id">power {100 * row["power"]:.0f} %</span>', sanitize=False,
     ).classes(f"cell right{mood}").tooltip(
         "smallest size that these logs show with a chance of 80 %, and the chance for a typical one"
     )  # fmt: skip
-    with ui.element("div").classes(f"cell{mood}"):
+    with ui.element("div").classes("cell chosen" if chosen else "cell"):
         ui.button(
             "Add" if row["passes"] else "Add anyway", on_click=lambda: page.add(row["effect"])
         ).props(f"{'unelevated' if row['passes'] else 'flat'} dense no-caps size=sm").mark(
@@ -226,9 +228,9 @@ def attempt(page: Page) -> None:
     view = session.views.get("attempt")
     values = dict((view or {}).get("values") or {})
 
-    def moved(name: str, value: float, label) -> None:
-        from youbot_workbench.page import background
+    from youbot_workbench.page import background
 
+    def moved(name: str, value: float, label) -> None:
         values[name] = value
         label.set_text(_shown(value, units[name]))
         background(session.attempt(dict(values), page.choice["log"]))
@@ -259,6 +261,8 @@ def attempt(page: Page) -> None:
         picture = ui.element("div")
     # Sliders stay as they are while a picture comes; only the picture is drawn anew.
     state = {"seen": -1}
+    if not view and not session.job:
+        background(session.attempt({}, page.choice["log"]))
 
     def draw() -> None:
         now = session.version["attempt"]
@@ -269,7 +273,7 @@ def attempt(page: Page) -> None:
         with picture:
             shown = session.views.get("attempt")
             if not shown:
-                ui.html('<div class="wait">move a slider</div>', sanitize=False)
+                ui.html('<div class="wait">simulating …</div>', sanitize=False)
                 return
             head("Free run with these values", shown["words"])
             figure(shown["figure"], page.dark.value, TALL.format(310))
@@ -303,7 +307,9 @@ def play(page: Page) -> None:
     style = (
         f"<style>:root{{--ink:{ink};--paper:{paper};--line:{line};--shade:{shade};--soft:{ink};"
         f"--good:#0072b2}}body{{margin:0;color:{ink};background:{paper};"
-        "font:14px system-ui,sans-serif}</style>"
+        "font:14px system-ui,sans-serif}"
+        ".player canvas{height:max(260px,calc(100vh - 150px))!important}"
+        f"{NIGHT if dark else ''}</style>"
     )
     document = html.escape(f"<!doctype html><meta charset=utf-8>{style}{view['html']}", quote=True)
     ui.html(

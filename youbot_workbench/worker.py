@@ -102,7 +102,6 @@ class Worker:
         """End the process at once; the next call starts another one."""
         if self.running:
             self._process.kill()
-            self._process._transport.close()  # its pipes, while the loop that made them runs
         self._process = None
 
 

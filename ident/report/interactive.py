@@ -370,7 +370,7 @@ def recorded(log: Log) -> Figure:
             data.append({
                 "type": "scatter", "mode": "lines", "name": label, "legendgroup": label,
                 "showlegend": axis == "y", "x": _list(x), "y": _list(y), "xaxis": "x",
-                "yaxis": axis, "line": {"width": 1, "color": stage_color((2, 0, 3, 5)[k % 4])},
+                "yaxis": axis, "line": {"width": 1, "color": stage_color((2, 0, 3, 4)[k % 4])},
             })  # fmt: skip
     layout = {
         "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},

@@ -8,13 +8,16 @@ from __future__ import annotations
 from typing import Any
 
 # Measured is the colour of text; stages of a model in this order.
-STAGES = ("#E69F00", "#56B4E9", "#0072B2", "#009E73", "#CC79A7", "#D55E00")
+STAGES = ("#E69F00", "#CC79A7", "#0072B2", "#009E73", "#D55E00", "#56B4E9")
+# What is too dark for a dark page, and what stands for it there.
+BRIGHT = {"#0072B2": "#4FA8E0", "#009E73": "#2FBF95"}
 DASHES = ("dot", "dash", "solid", "solid", "solid", "solid")
 
 
-def stage_color(number: int) -> str:
+def stage_color(number: int, dark: bool = False) -> str:
     """Colour of a stage, counted from the start; later than the palette is long it repeats."""
-    return STAGES[number] if number < len(STAGES) else STAGES[2 + (number - 2) % 4]
+    color = STAGES[number] if number < len(STAGES) else STAGES[2 + (number - 2) % 4]
+    return BRIGHT.get(color, color) if dark else color
 
 
 def themed(figure: dict[str, Any], dark: bool) -> dict[str, Any]:
@@ -34,15 +37,21 @@ def themed(figure: dict[str, Any], dark: bool) -> dict[str, Any]:
             layout[name] = {**lines, "zerolinewidth": 1, **axis}
             if "title" in axis:
                 layout[name]["title"] = {"font": {"size": 13}, "standoff": 8} | axis["title"]
-    data = [_inked(trace, ink) for trace in figure["data"]]
+    data = [_colored(trace, ink, dark) for trace in figure["data"]]
     config = {"displaylogo": False, "responsive": True, "displayModeBar": False}
     return {"data": data, "layout": layout, "config": config}
 
 
-def _inked(trace: dict, ink: str) -> dict:
-    """Lines and markers of the colour ``ink`` get the colour of text."""
+def _colored(trace: dict, ink: str, dark: bool) -> dict:
+    """Lines and markers as the page needs them; ``ink`` is the colour of text."""
+
+    def seen(color: Any) -> Any:
+        if isinstance(color, list):
+            return [seen(one) for one in color]
+        return ink if color == "ink" else BRIGHT.get(color, color) if dark else color
+
     found = dict(trace)
-    for key in ("line", "marker"):
-        if key in found and found[key].get("color") == "ink":
-            found[key] = found[key] | {"color": ink}
+    for key in ("line", "marker", "error_x", "error_y"):
+        if "color" in found.get(key, ()):
+            found[key] = found[key] | {"color": seen(found[key]["color"])}
     return found
