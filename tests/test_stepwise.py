@@ -93,3 +93,19 @@ def test_residual_torque_steps_at_zero_speed_before_and_is_flat_after(loop, logs
     before, after = (np.mean(np.abs(v)) for v in steps.values())
     assert before > 0.1  # N m
     assert after < 0.2 * before
+
+
+def test_maps_show_the_resistance_that_the_model_lacks_along_the_velocity(loop):
+    from ident.comparison import compare
+
+    number = loop.judging
+    log = loop.parts[number].log
+    pair = [(s.name, k, compare(log, [s.models[number]])[0])
+            for k, s in enumerate(loop.stages) if k]  # fmt: skip
+    figure = interactive.residual_map(pair, "velocity map")
+    before, after = (np.array(t["z"], float) for t in figure["data"] if t["type"] == "heatmap")
+    assert np.nanmedian(after) < 0.3 * np.nanmedian(before)
+    x, y, force = interactive._mapped(pair[0][2], "velocity map")
+    along = [force[i, j] @ (x[i], y[j]) for i in range(len(x)) for j in range(len(y))
+             if np.isfinite(force[i, j, 0]) and np.hypot(x[i], y[j]) > 0.1]  # fmt: skip
+    assert np.mean(np.array(along) > 0) > 0.8

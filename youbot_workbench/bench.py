@@ -241,7 +241,10 @@ class Bench:
         then = compare(chain.parts[number].log, [replace(model, name=f"with {effect}")])[0]
         pair = [(self._chip(chain.stages[last]), last, now),
                 (f"with {title.lower()}", last + 1, then)]  # fmt: skip
-        figure = interactive.residual_torques(pair, signal)
+        if signal in interactive.PLANES:
+            figure = interactive.residual_map(pair, signal)
+        else:
+            figure = interactive.residual_torques(pair, signal)
         words = f"{title}: residual torque now, and with it fitted"
         return {"preview": {"effect": effect, "figure": figure, "words": words}}
 
@@ -481,7 +484,9 @@ class Bench:
         found = [(self._chip(chain.stages[k]), k, self._comparison(k, window, number))
                  for k in shown]  # fmt: skip
         try:
-            figure, words = interactive.residual_torques(found, signal, regime), ""
+            drawn = (interactive.residual_map(found, signal) if signal in interactive.PLANES
+                     else interactive.residual_torques(found, signal, regime))  # fmt: skip
+            figure, words = drawn, ""
         except ValueError as error:
             figure, words = None, str(error)
         return {
@@ -490,7 +495,7 @@ class Bench:
             "regimes": interactive.regimes(found[-1][2].where),
             "of": found[-1][0],
             "signal": signal,
-            "signals": list(interactive.SIGNALS),
+            "signals": [*interactive.SIGNALS, *interactive.PLANES],
             "regime": regime,
             "depends_on": [[s, g] for s, g in chain.round.dependences()] if chain.looked else [],
         }

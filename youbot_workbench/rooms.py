@@ -79,9 +79,7 @@ def where(page: Page) -> None:
         with ui.element("div"):
             head(
                 "Torque that the equations leave on each wheel",
-                "Mean with 95 % interval; this stage and the one before on the same axes. A step "
-                "at zero speed is dry friction, a slope wrong viscous friction or gain, a wave "
-                "over the roller phase ripple.",
+                _OVER[view["signal"] in ("velocity map", "floor map")],
             )
             with ui.element("div").classes("panel-head"):
                 ui.toggle(
@@ -112,6 +110,14 @@ def where(page: Page) -> None:
                         sanitize=False)  # fmt: skip
 
 
+_OVER = {
+    False: "Mean with 95 % interval; this stage and the one before on the same axes. A step at "
+    "zero speed is dry friction, a slope wrong viscous friction or gain, a wave over the roller "
+    "phase ripple.",
+    True: "Median force left on the body, side by side with the stage before: size as colour, "
+    "arrows for its direction. Along the velocity: resistance that the model lacks; everywhere "
+    "in one direction of the floor: a slope or a cable.",
+}
 # Plotly's event holds the whole figure; only the name goes to the server.
 _CLICKED = "(event) => emit(event.points[0].y)"
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ident.comparison import Comparison, Regime
-from ident.comparison.binned import bin_means
+from ident.comparison.binned import bin_means, cell_medians
 from ident.comparison.moments import wheel_torques
 from ident.comparison.regimes import slices
 from ident.comparison.shares import stretch_numbers
@@ -36,6 +36,9 @@ SHORT, LONG = 24, 40  # bins of a residual
 POINTS = 2400
 # Signals that residuals are drawn over, by the name in a menu.
 SIGNALS = ("wheel speed", "roller phase", "wheel torque", "heading", "time")
+# Planes that residual forces are mapped over, by the name in a menu.
+PLANES = ("velocity map", "floor map")
+CELLS, FEWEST = 15, 10  # cells a side, and rows that a cell needs to say something
 
 
 def staircase(names: Sequence[str], errors: Sequence[float], floor: float | None) -> Figure:
@@ -199,6 +202,87 @@ def residual_torques(
     for axis in [key for key in layout if key.startswith("xaxis")]:
         layout[axis] = {k: v for k, v in layout[axis].items() if v is not None}
     return {"data": data, "layout": layout}
+
+
+def residual_map(compared: Sequence[tuple[str, int, Comparison]], plane: str) -> Figure:
+    """Median force that the equations leave, over a plane: its size as colour, arrows for where to.
+
+    Arrows along the velocity: resistance that a model lacks.  Everywhere in one direction of the
+    floor: a slope or a cable.
+
+    Args:
+        compared: name, number of the stage and comparison of each, side by side.
+        plane: one of ``PLANES``.
+
+    Raises:
+        ValueError: the log has no pose.
+    """
+    m = compared[0][2].moments
+    if plane == "floor map" and m.pose is None:
+        raise ValueError("the log has no pose; record x, y and yaw for a map of the floor")
+    unit = compared[0][2].force_units[0]
+    titles = ("x, m", "y, m") if plane == "floor map" else tuple(
+        f"{symbol}, {u}" for symbol, u in VELOCITIES[:2]
+    )  # fmt: skip
+    data: list[dict] = []
+    layout: dict[str, Any] = {
+        "annotations": [], "showlegend": False, "margin": {"l": 60, "r": 60, "t": 34, "b": 48},
+    }  # fmt: skip
+    found = [_mapped(one, plane) for _, _, one in compared]
+    largest = max(float(np.nanmax(np.hypot(*cells[2].T))) for cells in found)
+    for k, ((name, _, _), (x, y, force)) in enumerate(zip(compared, found, strict=True)):
+        size, tail = np.hypot(force[..., 0], force[..., 1]), f"{k + 1}" if k else ""
+        left, width = k / len(compared), 1 / len(compared) - (0.09 if len(compared) > 1 else 0.0)
+        data.append({
+            "type": "heatmap", "x": _list(x), "y": _list(y), "z": [_list(row) for row in size.T],
+            "zmin": 0.0, "zmax": float(f"{largest:.4g}"), "colorscale": "Cividis", **_panel(k),
+            "showscale": k == len(compared) - 1, "colorbar": {"title": {"text": unit}, "thickness": 14},
+            "hovertemplate": f"{name}: %{{z:.2f}} {unit}<extra></extra>",
+        })  # fmt: skip
+        data.append(_arrows(x, y, force, largest) | _panel(k))
+        layout[f"xaxis{tail}"] = {"domain": [left, left + width], "anchor": f"y{tail}",
+                                  "title": {"text": titles[0]}, "zeroline": False}  # fmt: skip
+        layout[f"yaxis{tail}"] = {"anchor": f"x{tail}", "zeroline": False,
+                                  "title": {"text": titles[1]}}  # fmt: skip
+        layout["annotations"].append({
+            "text": name, "showarrow": False, "xref": "paper", "yref": "paper", "x": left,
+            "y": 1.0, "xanchor": "left", "yanchor": "bottom",
+        })  # fmt: skip
+    return {"data": data, "layout": layout}
+
+
+def _mapped(one: Comparison, plane: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Middles of cells along both sides, and the median force (B, B, 2) there, NaN where unknown.
+
+    Over the floor forces are in the frame of the world, over velocities in that of the body.
+    """
+    m, force = one.moments, one.force_residual[:, :2]
+    if plane == "floor map":
+        c, s = np.cos(m.pose[:, 2]), np.sin(m.pose[:, 2])
+        force = np.stack([c * force[:, 0] - s * force[:, 1], s * force[:, 0] + c * force[:, 1]], 1)
+        x, y = m.pose[:, 0], m.pose[:, 1]
+    else:
+        x, y = m.velocity[:, 0], m.velocity[:, 1]
+    along, up, cells = cell_medians(x, y, force, CELLS, FEWEST)
+    return 0.5 * (along[1:] + along[:-1]), 0.5 * (up[1:] + up[:-1]), cells
+
+
+def _arrows(x: np.ndarray, y: np.ndarray, force: np.ndarray, largest: float) -> dict[str, Any]:
+    """Lines from the middle of each cell towards its force, at most a cell long."""
+    across, down = (float(np.median(np.diff(side))) for side in (x, y))
+    points: list[tuple[float, float]] = []
+    for i, j in zip(*np.nonzero(np.isfinite(force[..., 0])), strict=True):
+        dx, dy = force[i, j] / largest
+        points += [(x[i], y[j]), (x[i] + 0.95 * across * dx, y[j] + 0.95 * down * dy),
+                   (np.nan, np.nan)]  # fmt: skip
+    ends = ["circle", "arrow", "circle"] * (len(points) // 3)
+    return {
+        "type": "scatter", "mode": "lines+markers", "x": _list([p[0] for p in points]),
+        "y": _list([p[1] for p in points]), "hoverinfo": "skip",
+        "line": {"color": "#ffffff", "width": 1.3},
+        "marker": {"color": "#ffffff", "size": [0, 6, 0] * (len(points) // 3), "symbol": ends,
+                   "angleref": "previous", "opacity": 1},
+    }  # fmt: skip
 
 
 def regimes(where: Sequence[Regime], rows: int = 12) -> Figure:
