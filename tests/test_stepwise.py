@@ -105,7 +105,11 @@ def test_maps_show_the_resistance_that_the_model_lacks_along_the_velocity(loop):
     figure = interactive.residual_map(pair, "velocity map")
     before, after = (np.array(t["z"], float) for t in figure["data"] if t["type"] == "heatmap")
     assert np.nanmedian(after) < 0.3 * np.nanmedian(before)
-    x, y, force = interactive._mapped(pair[0][2], "velocity map")
-    along = [force[i, j] @ (x[i], y[j]) for i in range(len(x)) for j in range(len(y))
-             if np.isfinite(force[i, j, 0]) and np.hypot(x[i], y[j]) > 0.1]  # fmt: skip
-    assert np.mean(np.array(along) > 0) > 0.8
+    # Fitted viscous friction stands in for a part of it, so that slow motion shows it, fast none.
+    lost = []
+    for _, _, one in pair:
+        x, y, force = interactive._mapped(one, "velocity map")
+        vx, vy = np.meshgrid(x, y, indexing="ij")
+        slow = np.hypot(vx, vy) < 0.5 * np.hypot(vx, vy).max()
+        lost.append(float(np.nanmean((force[..., 0] * vx + force[..., 1] * vy)[slow])))
+    assert lost[0] > 5 * abs(lost[1])

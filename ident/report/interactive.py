@@ -236,7 +236,8 @@ def residual_map(compared: Sequence[tuple[str, int, Comparison]], plane: str) ->
         data.append({
             "type": "heatmap", "x": _list(x), "y": _list(y), "z": [_list(row) for row in size.T],
             "zmin": 0.0, "zmax": float(f"{largest:.4g}"), "colorscale": "Cividis", **_panel(k),
-            "showscale": k == len(compared) - 1, "colorbar": {"title": {"text": unit}, "thickness": 14},
+            "showscale": k == len(compared) - 1,
+            "colorbar": {"title": {"text": unit}, "thickness": 14},
             "hovertemplate": f"{name}: %{{z:.2f}} {unit}<extra></extra>",
         })  # fmt: skip
         data.append(_arrows(x, y, force, largest) | _panel(k))
