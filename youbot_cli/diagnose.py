@@ -10,7 +10,7 @@ import typer
 from ident.diagnosis.diagnose import Diagnosis, diagnose
 from ident.disagreement import with_disagreements
 from ident.recording_words import in_words
-from ident.report.diagnose import UNTRIED, diagnosis_page, untried_lines
+from ident.report.diagnose import UNTRIED, diagnosis_page, experiment_lines, untried_lines
 from ident.report.findings import accepted, finding_lines, findings_json
 from youbot_cli import console, effect_options
 from youbot_cli.log_options import (
@@ -90,10 +90,19 @@ def show(found: Diagnosis) -> None:
     if tried:
         console.table(
             "\nOn top of the base model",
-            ("effect", "p adjusted", "gain %", "size", "unit", "smallest seen", "power %"),
+            (
+                "effect",
+                "p adjusted",
+                "held-out reduction %",
+                "size",
+                "unit",
+                "minimum detectable",
+                "power %",
+            ),
             tried,
         )
     console.section(UNTRIED, untried_lines(found))
+    console.section("What to record next", experiment_lines(found))
 
 
 def start() -> None:

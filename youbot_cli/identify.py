@@ -12,7 +12,7 @@ import typer
 
 from ident.disagreement import with_disagreements
 from ident.identification import identify
-from ident.log import Log
+from ident.log import BUNDLED, Log
 from ident.recording_words import in_words
 from ident.report.findings import accepted, finding_lines, findings_json
 from ident.report.identify import identification_page
@@ -24,6 +24,7 @@ from ident.report.outcome import (
     error_rows,
     lump_rows,
     parameter_rows,
+    percent,
 )
 from ident.results import AT_BOUND, UNSEEN
 from ident.sequential import MotionIdentification, cut_calibration, identify_by_motion
@@ -220,16 +221,41 @@ def tell(outcome: Outcome, logs: list[Log], model: Path | None, page: Path | Non
     if math.isfinite(seen.condition):
         words += f", condition number {seen.condition:.3g}"
     console.out.print(words)
-    console.section("Undetermined by these logs", seen.words)
-    console.section("Invisible to logs of this kind", result.invisible)
+    console.section("Practically unidentifiable from these logs", seen.words)
+    console.section("Structurally unidentifiable from logs of this kind", result.invisible)
     console.section("Log doctor", finding_lines(logs))
-    if not outcome.held_out:
-        console.section("Advice", ["give a log that is not fitted with --test to judge by"])
+    console.section("Next", next_steps(outcome, logs, model))
     console.out.print()
     if model is not None:
         console.out.print(f"model: {model}", soft_wrap=True)
     hint = "add --report DIR for the page with the figures" if page is None else f"page: {page}"
     console.out.print(hint, soft_wrap=True)
+
+
+def next_steps(outcome: Outcome, logs: list[Log], model: Path | None) -> list[str]:
+    """What to do with the result: judge it, look for what it lacks, use it."""
+    result, named = outcome.result, [name_of(log) for log in logs]
+    fitted, tests = named[: len(result.names)], named[len(result.names) :]
+    found = []
+    if not outcome.held_out:
+        found.append("give a log of another motion with --test to judge by")
+    error = outcome.after_run.nrmse
+    if outcome.forces is None and error > outcome.floor:
+        behind = " ".join([*fitted, *(["--test"] if tests else []), *tests])
+        found.append(
+            f"youbot improve {behind}: looks for what is missing (free-run error {percent(error)} "
+            f"where noise and rolling leave {percent(outcome.floor)})"
+        )
+    if model is not None:
+        judged = " ".join(tests or fitted)
+        found.append(f"youbot compare {judged} --model {outcome.label} {console.shown(model)}")
+    return found
+
+
+def name_of(log: Log) -> str:
+    """A log as commands are given it: a bundled one by its name."""
+    bundled = BUNDLED.find(log.name) is not None and Path(log.source).stem == log.name
+    return log.name if bundled else log.source or log.name
 
 
 def start() -> None:

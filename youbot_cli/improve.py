@@ -19,7 +19,7 @@ from ident.improvement import Improvement, improve
 from ident.kept import fingerprint, keeping
 from ident.log import Log
 from ident.recording_words import in_words
-from ident.report.diagnose import UNTRIED, untried_lines
+from ident.report.diagnose import UNTRIED, experiment_lines, untried_lines
 from ident.report.findings import accepted, finding_lines, findings_json
 from ident.report.improve import (
     ERRORS_HEAD,
@@ -215,7 +215,9 @@ def tell(
         title = f"{what} on {found.errors.windows} held-out windows, rms"
         console.table(title, (*ERRORS_HEAD, ""), rows)
         console.out.print()
-        console.table("Base parameters and lumps", base_head(done), base_rows(done))
+        console.table(
+            "Base parameters and identifiable combinations", base_head(done), base_rows(done)
+        )
         if base_note(done):
             console.out.print(base_note(done), soft_wrap=True)
         sizes = [
@@ -232,8 +234,7 @@ def tell(
     console.section("What the rest depends on", [f"{s}, {100 * g:.0f} % of the squared error"
             for s, g in found.depends_on])  # fmt: skip
     console.section(UNTRIED, untried_lines(found))
-    if found.experiment is not None:
-        console.section("What to record next", [found.experiment.command])
+    console.section("What to record next", experiment_lines(found))
     console.section("What the controllers gain", gains)
     console.section("Log doctor", finding_lines(logs))
     console.out.print()
