@@ -430,7 +430,6 @@ def use(page: Page) -> None:
                 ui.button("Write a report", on_click=lambda: page.do("report")).props("outline")
             report = session.views.get("report")
             if report:
-                ui.html(f'<p class="lead">report: {html.escape(report)}</p>', sanitize=False)
                 ui.button("Download the report", on_click=lambda: ui.download.file(
                     Path(report), "report.html")).props("flat dense")  # fmt: skip
             head("The same in Python")

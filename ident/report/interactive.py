@@ -31,6 +31,8 @@ from youbot_env.references import Reference
 Figure = dict[str, Any]
 
 FLOOR = "#8a8f98"
+# In a row at the top of the figure, where it stays when the figure changes its size.
+LEGEND = {"orientation": "h", "yref": "container", "y": 0.995, "yanchor": "top", "x": 0.0}
 VELOCITIES = (("V<sub>X</sub>", "m/s"), ("V<sub>Y</sub>", "m/s"), ("Ω", "rad/s"))
 SHORT, LONG = 24, 40  # bins of a residual
 POINTS = 2400
@@ -113,7 +115,7 @@ def velocities(
     told = f", free runs start anew every {window:.3g} s" if window else ""
     layout = {
         "shapes": shapes, "annotations": notes, "hovermode": "x unified",
-        "legend": {"orientation": "h", "y": 1.04, "x": 0.12, "yanchor": "bottom"},
+        "legend": LEGEND,
         "margin": {"l": 70, "r": 16, "t": 44, "b": 46},
         "xaxis": {"title": {"text": f"time, s{told}"}, "anchor": "y3"},
     }  # fmt: skip
@@ -179,7 +181,7 @@ def residual_torques(
             ends += [y.min(), y.max()]
     high = 1.25 * max(map(abs, ends), default=1.0)
     layout: dict[str, Any] = {
-        "legend": {"orientation": "h", "y": 1.03, "yanchor": "bottom"}, "annotations": [],
+        "legend": LEGEND, "annotations": [],
         "margin": {"l": 70, "r": 16, "t": 44, "b": 48},
     }  # fmt: skip
     columns, rows = 2, -(-len(wheels) // 2)
@@ -352,11 +354,11 @@ def account(shares: dict[str, float]) -> Figure:
             "hovertemplate": f"{_titled(name)}: {100 * share:.2g} %<extra></extra>",
         })  # fmt: skip
     layout = {
-        "barmode": "stack", "margin": {"l": 16, "r": 16, "t": 8, "b": 44},
+        "barmode": "stack", "margin": {"l": 16, "r": 16, "t": 40, "b": 44},
         "xaxis": {"title": {"text": "share of the refit model's squared held-out error, %"},
                   "range": [0, 100]},
         "yaxis": {"visible": False, "fixedrange": True},
-        "legend": {"orientation": "h", "y": 1.05, "yanchor": "bottom"},
+        "legend": LEGEND,
     }  # fmt: skip
     return {"data": data, "layout": layout}
 
@@ -370,8 +372,8 @@ def parameters(stages: Sequence[tuple[str, int, dict[str, Quantity]]]) -> Figure
     data, columns = [], 3
     rows = -(-len(names) // columns)
     layout: dict[str, Any] = {
-        "annotations": [], "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
-        "margin": {"l": 56, "r": 16, "t": 36, "b": 10},
+        "annotations": [], "legend": LEGEND,
+        "margin": {"l": 56, "r": 16, "t": 62, "b": 10},
     }  # fmt: skip
     for k, name in enumerate(names):
         row, column = divmod(k, columns)
@@ -432,7 +434,7 @@ def autocorrelation(
     layout = {
         "xaxis": {"title": {"text": "time between two moments, s"}},
         "yaxis": {"title": {"text": "correlation of the residual"}, "range": [-0.6, 1.05]},
-        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
+        "legend": LEGEND,
         "margin": {"l": 64, "r": 16, "t": 44, "b": 48},
     }  # fmt: skip
     return {"data": data, "layout": layout}
@@ -458,7 +460,7 @@ def recorded(log: Log) -> Figure:
                 "yaxis": axis, "line": {"width": 1, "color": stage_color((2, 0, 3, 4)[k % 4])},
             })  # fmt: skip
     layout = {
-        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
+        "legend": LEGEND,
         "margin": {"l": 64, "r": 16, "t": 40, "b": 46},
         "xaxis": {"title": {"text": "time, s"}, "anchor": "y2"},
         "yaxis": {"title": {"text": title}, "domain": [0.54, 1.0]},
@@ -485,7 +487,7 @@ def motion(reference: Reference, seconds: float) -> Figure:
         })  # fmt: skip
     layout = {
         "margin": {"l": 64, "r": 16, "t": 40, "b": 48},
-        "legend": {"orientation": "h", "x": 0.45, "y": 1.02, "yanchor": "bottom"},
+        "legend": LEGEND,
         "xaxis": {"title": {"text": "x, m"}, "domain": [0.0, 0.36]},
         "yaxis": {"title": {"text": "y, m"}, "scaleanchor": "x"},
         "xaxis2": {"title": {"text": "time, s"}, "domain": [0.45, 1.0], "anchor": "y2"},
