@@ -5,7 +5,6 @@ import re
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -16,7 +15,7 @@ FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
 )  # fmt: skip
-SOON, LONG = 15_000, 90_000  # ms
+SOON, LONG = 30_000, 240_000  # ms; on machines that have other work
 
 pytest.importorskip("nicegui", reason="the page needs NiceGUI: pip install -e '.[workbench]'")
 playwright = pytest.importorskip(
@@ -42,12 +41,17 @@ def server(tmp_path_factory):
         [str(word) for word in command], cwd=folder, stdout=subprocess.PIPE, text=True,
         env=inherited | {"PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
-    started = time.monotonic()
     line = process.stdout.readline()
     assert line.startswith("workbench: http://127.0.0.1:"), line
-    yield line.split()[-1], folder, time.monotonic() - started
+    yield line.split()[-1], folder, core_seconds(process.pid)
     process.terminate()
     process.wait(20)
+
+
+def core_seconds(process: int) -> float:
+    """Time that a process has computed, s; other work on the machine does not count."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +123,7 @@ def loop(browser, server, logs):
 
 
 def test_the_page_is_there_three_seconds_after_the_command(server):
-    assert server[2] < 3.0 * float(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")) + 3.0
+    assert server[2] < 3.0
 
 
 def test_from_upload_to_the_fallen_error(loop, tmp_path):
@@ -221,6 +225,12 @@ def test_a_session_is_saved_and_opened(loop, browser, server):
     other.page.get_by_label("folder").fill("kept/session")
     other.page.get_by_role("dialog").get_by_role("button", name="Open").click()
     other.page.locator(".number .value").wait_for()
+    assert (other.error, other.chips) == (loop.error, loop.chips)
+    # A process of its own goes on where the other one was.
+    other.room("Compare")
+    other.page.get_by_label("window of the free runs").click()
+    other.page.get_by_role("option", name="0.5 s").click()
+    other.page.get_by_text("free runs start anew every 0.5 s").wait_for(timeout=LONG)
     assert (other.error, other.chips) == (loop.error, loop.chips)
     other.close()
 

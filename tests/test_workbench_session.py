@@ -103,6 +103,16 @@ def test_saving_replaces_nothing(tmp_path):
     assert [p.name for p in (tmp_path / "there").iterdir()] == ["notes.txt"]
 
 
+def test_an_upload_replaces_none_of_the_same_name(tmp_path):
+    session = Session(tmp_path)
+    first = session.room_for("log.csv")
+    first.write_text("first")
+    second = session.room_for("log.csv")
+    second.write_text("second")
+    assert first.read_text() == "first"
+    assert {p.name for p in (tmp_path / "logs").iterdir()} == {"log.csv", "log (2).csv"}
+
+
 def test_a_saved_session_takes_its_logs_along(tmp_path):
     outside = tmp_path / "log.csv"
     outside.write_text("time\n0\n")

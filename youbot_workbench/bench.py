@@ -88,6 +88,7 @@ class Bench:
         self.logs: list[Log] = []
         self.tests: list[Log] = []
         self.chain: Stepwise | None = None
+        self._effects_known = False
         self._compared: dict[tuple, Comparison] = {}
         self._runs: dict[tuple, FreeRun] = {}
 
@@ -98,8 +99,9 @@ class Bench:
         self.settings, self.chain = settings, None
         self._compared.clear()
         self._runs.clear()
-        if settings.get("effects"):
+        if settings.get("effects") and not self._effects_known:
             load_effects_file(Path(settings["effects"]))
+            self._effects_known = True
         told, parts, usable = [], {"fit": [], "test": []}, True
         for role in parts:
             for source in settings["logs" if role == "fit" else "tests"]:

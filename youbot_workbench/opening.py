@@ -125,7 +125,7 @@ def _own(page: Page, settings: dict[str, Any]) -> None:
         if event.file.size() > LARGEST:
             too_large()
             return
-        path = page.session.folder / "logs" / name
+        path = page.session.room_for(name)
         await event.file.save(path)
         chosen[role].append(str(path))
 

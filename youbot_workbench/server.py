@@ -122,7 +122,8 @@ def serve(
     app.on_shutdown(sessions.close)
     app.timer(60.0, sessions.rest)
     query = f"?token={token}" if token else ""
-    shown = f"[{host}]" if ":" in host else "127.0.0.1" if host == "localhost" else host
+    reached = socket.gethostname() if host in ("0.0.0.0", "::") else host
+    shown = f"[{reached}]" if ":" in reached else reached
     address = f"http://{shown}:{port}/{query}"
     app.on_startup(lambda: say(address))
     ui.run(

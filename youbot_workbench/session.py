@@ -69,8 +69,9 @@ class Session:
             try:
                 fresh = not self.worker.running
                 if fresh and name not in ALONE and self.settings["logs"]:
-                    # A new process: it has to be told what the one before it knew.
-                    await self._call("start", settings=self.settings, added=self.added)
+                    # A new process has to be told what the one before it knew; nothing changes.
+                    told = {"settings": self.settings, "added": self.added}
+                    await self.worker.call("start", told, self._tell, lambda views: None)
                 self.take(await self._call(name, **arguments))
                 return True
             except WorkerError as error:
@@ -127,6 +128,14 @@ class Session:
                 await self.do("attempt", **asked)
         finally:
             self._answering = False
+
+    def room_for(self, name: str) -> Path:
+        """A new place in the folder for a file that is uploaded; none is replaced."""
+        place, number = self.folder / "logs" / name, 1
+        while place.exists():
+            number += 1
+            place = place.with_name(f"{Path(name).stem} ({number}){Path(name).suffix}")
+        return place
 
     # The folder
 
