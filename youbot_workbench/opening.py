@@ -52,6 +52,12 @@ def _log(page: Page, one: dict[str, Any]) -> None:
     head(f"{one['name']}, {role}", one["facts"])
     if one["error"]:
         ui.html(f'<div class="trouble-text">{html.escape(one["error"])}</div>', sanitize=False)
+        role = "logs" if one["role"] == "fit" else "tests"
+        others = [source for source in page.session.settings[role] if source != one["source"]]
+        if others or role == "tests":
+            ui.button(
+                "Leave it out", on_click=lambda: page.begin(**{role: others})
+            ).props("outline dense no-caps size=sm")  # fmt: skip
     for told in one["findings"]:
         finding(told)
         if told["severity"] == "error" and told["acceptable"]:

@@ -61,7 +61,6 @@ class Page:
         )
         self._seen: dict[str, int] = {}
         self._bodies: dict[str, ui.element] = {}
-        self._shown: set[str] = set()
         ui.add_css(STYLE)
         ui.add_head_html(QUIET)
         ui.colors(primary="#0072b2")
