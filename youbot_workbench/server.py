@@ -93,7 +93,11 @@ def serve(
     if taken(host, port):
         raise ValueError(f"--port {port} is taken; choose another one, or leave it out")
     sessions = Sessions()
-    opened = None if folder is None else sessions.open(Path(folder))
+    try:
+        opened = None if folder is None else sessions.open(Path(folder))
+    except ValueError:
+        sessions.close()
+        raise
     # The first session begins to read and fit while the browser starts.
     first = [opened or sessions.new(settings)]
 
