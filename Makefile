@@ -18,6 +18,7 @@ export OPENBLAS_NUM_THREADS := 1
 run: $(VENV)/.base
 	$(BIN)/youbot identify --out report/identified.yaml --report report
 
+# Tests of the page drive Debian's chromium; where there is none they say so and are skipped.
 test: $(VENV)/.all lint
 	$(BIN)/python -m pytest -n 2 -m "not long"
 
@@ -62,7 +63,7 @@ $(VENV)/.base: pyproject.toml constraints.txt | $(BIN)/python
 $(VENV)/.all: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "installing everything (the first time this takes some minutes) ..."
 	$(BIN)/python -m pip install --quiet torch==2.13.0
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[rollers,bags,rl,cluster,dev]"
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[rollers,bags,rl,cluster,workbench,dev]"
 	@touch $@ $(VENV)/.base
 
 $(VENV)/.docs: pyproject.toml constraints.txt | $(BIN)/python

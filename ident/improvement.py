@@ -154,10 +154,10 @@ def improve(
     stages: list[Stage] = []
     chain = found.chain if _kept(found) else found.chain[:1]
     for number, (added, refined) in enumerate(chain):
-        base = _base(found.first.parts, refined, factor, start)
+        base = base_quantities(found.first.parts, refined, factor, start)
         nrmse, covered = errors.nrmse[number], (errors.before - errors.nrmse[number]) / way
-        shifts = _shifts(stages[-1].base if stages else None, base)
-        stages.append(Stage(added, refined, nrmse, errors.axes[number], covered, base, shifts))
+        moved = shifts(stages[-1].base if stages else None, base)
+        stages.append(Stage(added, refined, nrmse, errors.axes[number], covered, base, moved))
     last = stages[-1]
     parameters = {key: q for key, q in last.base.items() if key not in LUMPS}
     final = annotated(replace(last.model, name=name), parameters, METHOD, logs)
@@ -175,7 +175,9 @@ def _kept(found: Diagnosis) -> bool:
     return found.verdict in KEPT or (found.verdict == "outside_library" and certain)
 
 
-def _base(parts: list[Part], model: Model, factor: float, prior: Model) -> dict[str, Quantity]:
+def base_quantities(
+    parts: list[Part], model: Model, factor: float, prior: Model
+) -> dict[str, Quantity]:
     """Base parameters and lumps with half widths of ``factor`` standard errors."""
     seen = _seen(parts, model)
     seen = replace(seen, null=np.concatenate([seen.null, _no_better(parts, model, prior)]))
@@ -227,9 +229,8 @@ def _no_better(parts: list[Part], model: Model, prior: Model) -> np.ndarray:
     return np.pad(found, ((0, 0), (0, len(model.names()) - len(names))))
 
 
-def _shifts(
-    before: dict[str, Quantity] | None, now: dict[str, Quantity]
-) -> dict[str, float | None]:
+def shifts(before: dict[str, Quantity] | None, now: dict[str, Quantity]) -> dict[str, float | None]:
+    """How far base parameters moved between stages, in standard errors of the later one."""
     return {
         name: (q.value - before[name].value) / q.se if before is not None and q.se else None
         for name, q in now.items()

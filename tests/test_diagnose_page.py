@@ -159,3 +159,11 @@ def test_odds_in_words():
     assert odds(1.52) == "1.5 to 1"
     assert odds(1234.0) == "1,234 to 1"
     assert odds(1e6) == "more than 1,000,000 to 1"
+
+
+def test_a_log_that_cannot_say_is_told_what_to_record(script, tmp_path):
+    record(PAPER, 10.0, 1).save(tmp_path / "short.csv")
+    status, out, _ = script("diagnose.py", tmp_path / "short.csv")
+    assert status == 0
+    assert "What to record next" in out
+    assert "youbot record --motion calibration" in out

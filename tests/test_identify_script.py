@@ -112,7 +112,7 @@ def test_page_is_one_file_with_every_figure(full_run):
     assert heading.startswith("Free-run error on the held-out log test: nominal")
     for png in page.parent.glob("*.png"):
         assert png.read_bytes().startswith(b"\x89PNG")
-    for said in ("total mass", "Invisible", "kg m\u00b2", "scripts/identify.py"):
+    for said in ("total mass", "Structurally unidentifiable", "kg m\u00b2", "scripts/identify.py"):
         assert said in text
 
 
@@ -192,3 +192,12 @@ def test_numbers_are_printed_with_the_digits_that_count():
     assert rounded(0.0057821532, 2.7e-6) == "0.0057822"
     assert rounded(35.3011, 0.0955) == "35.301"
     assert rounded(35.3011, None) == "35.3"
+
+
+def test_what_to_do_next_is_said(command, tmp_path):
+    """Of the bundled log, whose robot has an effect that the model lacks, improve is proposed."""
+    status, (out, _) = command("--out", tmp_path / "found.yaml")
+    assert status == 0
+    said = " ".join(out.split())
+    assert "youbot improve youbot_fit --test youbot_test: looks for what is missing" in said
+    assert "youbot compare youbot_test --model nominal found.yaml" in said

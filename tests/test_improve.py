@@ -11,7 +11,7 @@ import pytest
 
 from ident.diagnosis.refit import refit
 from ident.diagnosis.splits import divide
-from ident.improvement import _base
+from ident.improvement import base_quantities
 from ident.log import Log
 from youbot_env.model_file import load_model
 from youbot_env.references import SmoothRandom, calibration_sequence, make_reference
@@ -74,7 +74,7 @@ def test_without_turning_mass_and_wheel_inertia_stay_open():
     channels = record_closed_loop(robot, motion, np.arange(3000) / 100, IDEAL, seed=0)
     log = Log("straight", robot.platform, **channels)
     parts = divide([log], [], robot)
-    base = _base(parts, refit(parts, robot, intervals=True)[0].model, 2.0, robot)
+    base = base_quantities(parts, refit(parts, robot, intervals=True)[0].model, 2.0, robot)
     found = {name for name, q in base.items() if q.se is not None}
     assert found == {"mu1", "mu2", "x1+x3"}
     truth = robot.parameters

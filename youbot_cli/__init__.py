@@ -9,6 +9,7 @@ COMMANDS = {
     "compare": "compare",
     "diagnose": "diagnose",
     "improve": "improve",
+    "workbench": "workbench",
     "design": "design",
     "calibrate": "calibrate_kinematics",
     "evaluate": "evaluate",

@@ -195,7 +195,8 @@ def tell(
     sure = [harmonic for harmonic in best.ripple if harmonic.flagged]
     if sure:
         console.out.print()
-        head = ("wheel", f"amplitude {best.force_units[2]}", "95 % interval", "p adjusted", "sure")
+        unit = best.force_units[2]
+        head = ("wheel", f"amplitude {unit}", "95 % interval", "p adjusted", "significant")
         console.table("Repeats with the wheel's angle", head, harmonic_rows(best, len(sure)))
     console.out.print()
     head = ("stretch", "time s", "vx m/s", "vy m/s", "yaw rad/s", "error %", "of all error %")

@@ -74,7 +74,7 @@ def main(
 def show(found: Diagnosis) -> None:
     """Print the verdict, sizes and what else was tried."""
     from ident.recording_words import in_words
-    from ident.report.diagnose import UNTRIED, untried_lines
+    from ident.report.diagnose import UNTRIED, experiment_lines, untried_lines
 
     console.out.print(f"{found.verdict.replace('_', ' ')}: {found.reason}")
     console.section("How the logs were recorded", in_words(found.recording))
@@ -94,10 +94,19 @@ def show(found: Diagnosis) -> None:
     if tried:
         console.table(
             "\nOn top of the base model",
-            ("effect", "p adjusted", "gain %", "size", "unit", "smallest seen", "power %"),
+            (
+                "effect",
+                "p adjusted",
+                "held-out reduction %",
+                "size",
+                "unit",
+                "minimum detectable",
+                "power %",
+            ),
             tried,
         )
     console.section(UNTRIED, untried_lines(found))
+    console.section("What to record next", experiment_lines(found))
 
 
 def start() -> None:

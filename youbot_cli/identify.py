@@ -227,16 +227,45 @@ def tell(outcome: Outcome, logs: list[Log], model: Path | None, page: Path | Non
     if math.isfinite(seen.condition):
         words += f", condition number {seen.condition:.3g}"
     console.out.print(words)
-    console.section("Undetermined by these logs", seen.words)
-    console.section("Invisible to logs of this kind", result.invisible)
+    console.section("Practically unidentifiable from these logs", seen.words)
+    console.section("Structurally unidentifiable from logs of this kind", result.invisible)
     console.section("Log doctor", finding_lines(logs))
-    if not outcome.held_out:
-        console.section("Advice", ["give a log that is not fitted with --test to judge by"])
+    console.section("Next", next_steps(outcome, logs, model))
     console.out.print()
     if model is not None:
         console.out.print(f"model: {model}", soft_wrap=True)
     hint = "add --report DIR for the page with the figures" if page is None else f"page: {page}"
     console.out.print(hint, soft_wrap=True)
+
+
+def next_steps(outcome: Outcome, logs: list[Log], model: Path | None) -> list[str]:
+    """What to do with the result: judge it, look for what it lacks, use it."""
+    from ident.report.outcome import percent
+
+    result, named = outcome.result, [name_of(log) for log in logs]
+    fitted, tests = named[: len(result.names)], named[len(result.names) :]
+    found = []
+    if not outcome.held_out:
+        found.append("give a log of another motion with --test to judge by")
+    error = outcome.after_run.nrmse
+    if outcome.forces is None and error > outcome.floor:
+        behind = " ".join([*fitted, *(["--test"] if tests else []), *tests])
+        found.append(
+            f"youbot improve {behind}: looks for what is missing (free-run error {percent(error)} "
+            f"where noise and rolling leave {percent(outcome.floor)})"
+        )
+    if model is not None:
+        judged = " ".join(tests or fitted)
+        found.append(f"youbot compare {judged} --model {outcome.label} {console.shown(model)}")
+    return found
+
+
+def name_of(log: Log) -> str:
+    """A log as commands are given it: a bundled one by its name."""
+    from ident.log import BUNDLED
+
+    bundled = BUNDLED.find(log.name) is not None and Path(log.source).stem == log.name
+    return log.name if bundled else log.source or log.name
 
 
 def start() -> None:

@@ -26,6 +26,7 @@ from youbot_cli.pieces import Pieces, digest, place
 if TYPE_CHECKING:
     from ident.improvement import Improvement
     from ident.log import Log
+    from youbot_env.model import Model
 
 # What the controllers are tried on: a figure of eight beyond the 0.5 rad/s of the paper.
 TRIED = ("eight", 1.0, 0.3, 6.0)  # arguments of ``Motion``
@@ -109,7 +110,7 @@ def main(
             tracking = None
             if usable and len(done.stages) > 1:
                 say("trying the controllers")
-                tracking = tried(done, records, seed)
+                tracking = tried(done.stages[0].model, done.model, records, seed)
             gains = [
                 *([str(tracking)] if tracking else []),
                 *(uses(out, records) if usable else []),
@@ -137,7 +138,7 @@ def main(
         raise console.CheckFailed(f"nothing was added, {out} {kept}: {done.found.reason}")
 
 
-def tried(done: Improvement, logs: list[Log], seed: int) -> Tracking:
+def tried(base: Model, final: Model, logs: list[Log], seed: int) -> Tracking:
     """Drive a robot like the final model with a controller that believes the base or the final.
 
     Commands may be as large as they were in the logs, or as the controller's own limit.
@@ -148,8 +149,8 @@ def tried(done: Improvement, logs: list[Log], seed: int) -> Tracking:
     from controllers.evaluation.subjects import Subject
 
     tried_on = Motion(*TRIED)
-    robot, largest, errors = Subject("analytic", 0, done.model, seed), largest_command(logs), []
-    for believed in (done.stages[0].model, done.model):
+    robot, largest, errors = Subject("analytic", 0, final, seed), largest_command(logs), []
+    for believed in (base, final):
         controller = make("computed_torque", believed)
         limit = max(controller.settings.torque_limit, largest)
         controller = make("computed_torque", believed, torque_limit=limit)
@@ -196,7 +197,7 @@ def tell(
 ) -> None:
     """Say what was added, how the error fell, and what to do with the model."""
     from ident.recording_words import in_words
-    from ident.report.diagnose import UNTRIED, untried_lines
+    from ident.report.diagnose import UNTRIED, experiment_lines, untried_lines
     from ident.report.findings import finding_lines
     from ident.report.improve import (
         ERRORS_HEAD,
@@ -221,7 +222,9 @@ def tell(
         title = f"{what} on {found.errors.windows} held-out windows, rms"
         console.table(title, (*ERRORS_HEAD, ""), rows)
         console.out.print()
-        console.table("Base parameters and lumps", base_head(done), base_rows(done))
+        console.table(
+            "Base parameters and identifiable combinations", base_head(done), base_rows(done)
+        )
         if base_note(done):
             console.out.print(base_note(done), soft_wrap=True)
         sizes = [
@@ -238,8 +241,7 @@ def tell(
     console.section("What the rest depends on", [f"{s}, {100 * g:.0f} % of the squared error"
             for s, g in found.depends_on])  # fmt: skip
     console.section(UNTRIED, untried_lines(found))
-    if found.experiment is not None:
-        console.section("What to record next", [found.experiment.command])
+    console.section("What to record next", experiment_lines(found))
     console.section("What the controllers gain", gains)
     console.section("Log doctor", finding_lines(logs))
     console.out.print()

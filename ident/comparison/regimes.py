@@ -94,7 +94,7 @@ def _of_a_wheel(m: Moments, k: int):
         sixth = np.floor(np.mod(m.wheel_angle[:, k], PITCH) / PITCH * SIXTHS)
         width = 360 // (ROLLERS * SIXTHS)
         for part in range(SIXTHS):
-            name = f"at {part * width}-{(part + 1) * width} of {SIXTHS * width} deg"
+            name = f"at roller phase {part * width}-{(part + 1) * width} deg"
             yield name, "wheel angle", sixth == part
 
 

@@ -14,7 +14,7 @@ from ident.diagnosis.experiments import CALIBRATION, Experiment, separating
 from ident.diagnosis.forces import ForceShare, confirmations
 from ident.diagnosis.holdout import FreeRunErrors, confirmed, free_run_errors
 from ident.diagnosis.judge import inertia_is_seen, judged_by_force
-from ident.diagnosis.lack_of_fit import dependences
+from ident.diagnosis.lack_of_fit import Dependence, dependences
 from ident.diagnosis.minimum_detectable import MinimumDetectable, minimum_detectable
 from ident.diagnosis.records import (
     freed,
@@ -29,7 +29,7 @@ from ident.diagnosis.refit import Refits, refit
 from ident.diagnosis.rounds import Round
 from ident.diagnosis.selection import Search, Step, chain_of, search, with_steps
 from ident.diagnosis.settings import SETTINGS
-from ident.diagnosis.splits import divide, weigh
+from ident.diagnosis.splits import Part, divide, weigh
 from ident.diagnosis.trials import untried
 from ident.diagnosis.verdict import decide
 from ident.disagreement import disagreements, may_judge, not_used
@@ -44,6 +44,7 @@ from ident.recording import Recording
 from ident.recording_words import Instrument
 from ident.repeats import Repeat, repeats
 from ident.results import Shown
+from ident.sensitivity import Linearised
 from ident.threads import one_thread
 from youbot_env.model import Model
 from youbot_env.model_file import load_model
@@ -191,29 +192,12 @@ def diagnose(
     Raises:
         ValueError: a log without drive input, or of another platform.
     """
-    logs, tests = pooled(as_list(logs)), pooled(as_list(test))
     tell = progress or (lambda what: None)
-    model, whole = load_model(model), (logs, tests)
-    logs, tests = excerpts(logs, tests)
-    shortened = "".join(map(cut_told, whole, (logs, tests)))
-    for log in (*logs, *tests):
-        if log.platform != model.platform:
-            model = replace(model, platform=log.platform)
-    name = " + ".join(log.name for log in logs)
-    weak = unfit(logs)
-    if weak:
-        return Diagnosis(name, "cannot_say", weak, (), model, model, experiment=CALIBRATION)
-    model = without_instruments(model)
-    if not inertia_is_seen(logs, model):
-        logs, tests = ([judged_by_force(log) for log in some] for some in (logs, tests))
-    tests = [with_phases_of(logs[0], test) for test in tests]
-    logs = [logs[0], *(with_phases_of(logs[0], log) for log in logs[1:])]
-    tell("finding out how the logs were recorded")
-    records = recordings(logs, tests, model)
-    differs = of_other_robots(logs, tests, records, model)
-    if differs:
-        tests = [test for test in tests if may_judge(test, differs)]
-        records = recordings(logs, tests, model)
+    ground = Ground.of(logs, model, test, tell)
+    name, logs, tests, model = ground.name, ground.logs, ground.tests, ground.model
+    records, differs = ground.records, ground.differs
+    if ground.weak:
+        return Diagnosis(name, "cannot_say", ground.weak, (), model, model, experiment=CALIBRATION)
     found, refined = _searched(records, model, len(tests), seed, tell)
     if found.steps:
         # An effect that was missing may have hidden that a log to judge by is of another robot.
@@ -258,7 +242,7 @@ def diagnose(
     return Diagnosis(
         log=name,
         verdict=verdict,
-        reason=reason + fitting + _repeated(verdict, across) + not_used(differs) + shortened,
+        reason=reason + fitting + _repeated(verdict, across) + not_used(differs) + ground.shortened,
         steps=tuple(steps),
         model=replace(without_instruments(last), name="diagnosed"),
         base=without_instruments(chain[0][1]),
@@ -269,7 +253,7 @@ def diagnose(
         errors=errors,
         first=first,
         last=now,
-        experiment=_next_record(verdict, steps, now),
+        experiment=next_record(verdict, steps, now),
         chain=tuple((name, without_instruments(model)) for name, model in chain),
         models=tuple(fits.models(model) for _, model in chain),
         repeats=across,
@@ -278,10 +262,78 @@ def diagnose(
     )
 
 
-def _searched(
-    records: list[Recording], model: Model, tested: int, seed: int, tell: Callable[[str], None]
-) -> tuple[Search, OutputError]:
-    """Look for what is missing in logs whose recording is known, and the base model for that."""
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What a search for missing effects stands on: logs whose recording is known.
+
+    Attributes:
+        name: of the fitted logs.
+        logs, tests: records to fit and to judge by, of the same robot.
+        model: the one to start from, on their platform and without instruments.
+        records: the recording of every log, those to judge by last.
+        differs: logs to judge by that are of another robot, by name, with what differs.
+        weak: why the logs decide nothing; empty where they do.
+        shortened: what of long logs was used, in words.
+    """
+
+    name: str
+    logs: list[Log]
+    tests: list[Log]
+    model: Model
+    records: list[Recording] = field(default_factory=list)
+    differs: dict[str, Finding] = field(default_factory=dict)
+    weak: str = ""
+    shortened: str = ""
+
+    @classmethod
+    def of(
+        cls,
+        logs: Log | Sequence[Log],
+        model: str | Model,
+        test: Log | Sequence[Log] | None,
+        tell: Callable[[str], None],
+    ) -> Ground:
+        """Find out how logs were recorded; arguments are those of ``diagnose``."""
+        whole = pooled(as_list(logs)), pooled(as_list(test))
+        model = load_model(model)
+        logs, tests = excerpts(*whole)
+        shortened = "".join(map(cut_told, whole, (logs, tests)))
+        for log in (*logs, *tests):
+            if log.platform != model.platform:
+                model = replace(model, platform=log.platform)
+        name = " + ".join(log.name for log in logs)
+        weak = unfit(logs)
+        if weak:
+            return cls(name, logs, tests, model, weak=weak)
+        model = without_instruments(model)
+        if not inertia_is_seen(logs, model):
+            logs, tests = ([judged_by_force(log) for log in some] for some in (logs, tests))
+        tests = [with_phases_of(logs[0], test) for test in tests]
+        logs = [logs[0], *(with_phases_of(logs[0], log) for log in logs[1:])]
+        tell("finding out how the logs were recorded")
+        records = recordings(logs, tests, model)
+        differs = of_other_robots(logs, tests, records, model)
+        if differs:
+            tests = [test for test in tests if may_judge(test, differs)]
+            records = recordings(logs, tests, model)
+        return cls(name, logs, tests, model, records, differs, shortened=shortened)
+
+
+def based(
+    records: list[Recording], model: Model, tested: int, tell: Callable[[str], None]
+) -> tuple[list[Part], OutputError, tuple[Linearised, ...], list[Dependence]]:
+    """The base model on logs whose recording is known.
+
+    Args:
+        records: the logs, those to judge by last.
+        model: to start from.
+        tested: how many of the logs judge.
+        tell: called with what is being done.
+
+    Returns:
+        The logs with the roles of their windows, the refined base model, each log simulated with
+        it, and the dependences that compete with the library.
+    """
     logs = [ready(record, model, SEARCHED) for record in records]
     parts = divide(logs[: len(logs) - tested], logs[len(logs) - tested :], model)
     tell("fitting the base model")
@@ -294,7 +346,15 @@ def _searched(
     if differing is not simulations[0].model:
         tell("taking in what differs between the logs")
         refined, simulations = refit(parts, differing)
-    return search(parts, refined, simulations, dependences(logs), seed, tell), refined
+    return parts, refined, simulations, dependences(logs)
+
+
+def _searched(
+    records: list[Recording], model: Model, tested: int, seed: int, tell: Callable[[str], None]
+) -> tuple[Search, OutputError]:
+    """Look for what is missing in logs whose recording is known, and the base model for that."""
+    parts, refined, simulations, generic = based(records, model, tested, tell)
+    return search(parts, refined, simulations, generic, seed, tell), refined
 
 
 def _with_errors(
@@ -315,7 +375,7 @@ def _repeated(verdict: str, across: tuple[Repeat, ...]) -> str:
     return "".join(f"; {one}" for one in across[: SETTINGS.strokes_told])
 
 
-def _next_record(verdict: str, steps: list[Step], last: Round) -> Experiment | None:
+def next_record(verdict: str, steps: list[Step], last: Round) -> Experiment | None:
     """What to record next."""
     if verdict == "cannot_say":
         return CALIBRATION

@@ -189,12 +189,7 @@ def free_run_errors(
     """
     parts = [part for part in fits.parts if part.windows(VERIFY).any()]
     squared = np.array([_squared(fits.parts, fits.models(model)) for _, model in chain])
-    by_force = parts[0].log.window is not None
-    if by_force:
-        spread = _by_drive(parts, chain[0][1])
-    else:
-        spread = np.concatenate([p.log.velocity() for p in parts]).std(axis=0)
-    spread = np.maximum(spread, 1e-9)
+    by_force, spread = parts[0].log.window is not None, _spread(parts, chain[0][1])
     by_window = np.mean(squared / spread**2, axis=2)
     drawn = np.random.default_rng(0).integers(
         0, by_window.shape[1], (SETTINGS.holdout_draws, by_window.shape[1])
@@ -244,6 +239,33 @@ def confirmed(
             break
         steps = [step for k, step in enumerate(steps) if k != idlest]
     return steps
+
+
+def held_out_error(
+    parts: list[Part], models: tuple[Model, ...], base: Model
+) -> tuple[float, np.ndarray]:
+    """Error of models that need not be refined, in the units of ``free_run_errors``.
+
+    Args:
+        parts: the logs.
+        models: the model of each.
+        base: the first model of the chain they are compared with.
+
+    Returns:
+        The error, and (3,) rms errors, m/s, m/s, rad/s.
+    """
+    squared = _squared(parts, models).mean(axis=0)
+    spread = _spread([part for part in parts if part.windows(VERIFY).any()], base)
+    return float(np.sqrt(np.mean(squared / spread**2))), np.sqrt(squared)
+
+
+def _spread(parts: list[Part], base: Model) -> np.ndarray:
+    """(3,) what errors are shares of: rms of the motion, or of what the drive would make."""
+    if parts[0].log.window is not None:
+        spread = _by_drive(parts, base)
+    else:
+        spread = np.concatenate([p.log.velocity() for p in parts]).std(axis=0)
+    return np.maximum(spread, 1e-9)
 
 
 def _by_drive(parts: list[Part], model: Model) -> np.ndarray:

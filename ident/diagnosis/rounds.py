@@ -153,6 +153,10 @@ class Round:
         found = [c for c in found if c is not None and self.helps(c)]
         if present is not None and present.identifier not in {c.identifier for c in found}:
             found.append(present)
+        return self.group(found)
+
+    def group(self, found: list[Candidate]) -> list[Candidate]:
+        """Those of some refined effects that fit best and cannot be told apart, best first."""
         if not found:
             return []
         losses = [self._judge(c) for c in found]
@@ -232,7 +236,7 @@ class Round:
 
         The forces at the measured motion must not speak against it.
         """
-        least, asked = min(self._gains_of(found)), compress(found.simulations, self._asked(found))
+        least, asked = min(self.gains_of(found)), compress(found.simulations, self._asked(found))
         return least > 0.5 * SETTINGS.least_gain and not feigned(list(asked), found.identifier)
 
     def hoped(self) -> list[Candidate]:
@@ -249,13 +253,13 @@ class Round:
             return []
         tried = [candidate(self.parts, self.table, k) for k in self.shortlist.hopeful()]
         alone = [c for c in tried if c is not None and self.helps(c)]
-        gains = {c.identifier: self._gains_of(c) for c in alone}
+        gains = {c.identifier: self.gains_of(c) for c in alone}
         alone.sort(key=lambda c: -gains[c.identifier][-1])
         best = [c for c in alone if self._enough(c)][:1]
         most = gains[best[0].identifier][-1] if best else 0.0
         for first, second in combinations(alone, 2):
             both = beside(self.parts, first, second)
-            now = self._gains_of(both)
+            now = self.gains_of(both)
             halves = zip(now, gains[first.identifier], gains[second.identifier], strict=True)
             needed = min(_further(gain, max(half)) for gain, *half in halves)
             better = _further(now[-1], most) > SETTINGS.least_gain
@@ -269,9 +273,9 @@ class Round:
         return best
 
     def _enough(self, found: Candidate) -> bool:
-        return all(map(self.shortlist.enough, self._gains_of(found)))
+        return all(map(self.shortlist.enough, self.gains_of(found)))
 
-    def _gains_of(self, found: Candidate) -> list[float]:
+    def gains_of(self, found: Candidate) -> list[float]:
         """Shares of squared error that a refined effect removes, of every kind of window."""
         now, before, roles = self._judge(found), self._before, self.table.role
         asked = np.repeat(self._asked(found), [len(part.role) for part in self.parts])
@@ -283,7 +287,7 @@ class Round:
         return [judges(part, get_effect(found.identifier)) for part in self.parts]
 
     def _gain_of(self, found: Candidate) -> float:
-        return self._gains_of(found)[0]
+        return self.gains_of(found)[0]
 
 
 def _further(gain: float, before: float) -> float:

@@ -156,8 +156,10 @@ def _signals(best: Comparison) -> Section:
     blocks: list = [Picture("signals", compare_where.signals_figure(best), caption)]
     if best.ripple:
         unit = best.force_units[2]
-        head = ("wheel", f"amplitude, {unit}", "95 % interval", "p adjusted", "sure")
-        told = "Harmonics of the wheel angles in the residual, the surest and largest first."
+        head = ("wheel", f"amplitude, {unit}", "95 % interval", "p adjusted", "significant")
+        told = (
+            "Harmonics of the wheel angles in the residual, the most significant and largest first."
+        )
         blocks.append(Grid(head, harmonic_rows(best, HARMONICS), told, words=(0, 4)))
     return Section("Over each signal", blocks)
 

@@ -121,11 +121,11 @@ def equation_rows(standings: list[Standing]) -> list[tuple[str, ...]]:
     ]
 
 
-WHERE_HEAD = ("regime", "of error %", "95 %", "of time %", "excess", "p adjusted", "sure")
+WHERE_HEAD = ("regime", "of error %", "95 %", "of time %", "excess", "p adjusted", "significant")
 
 
 def where_rows(where: tuple[Regime, ...], most: int) -> list[tuple[str, ...]]:
-    """The first regimes: share of error with interval, share of time, their ratio, whether sure."""
+    """The first regimes: share of error with interval, share of time, their ratio, significance."""
     return [
         (
             r.name,
@@ -141,10 +141,10 @@ def where_rows(where: tuple[Regime, ...], most: int) -> list[tuple[str, ...]]:
 
 
 def harmonic_rows(comparison: Comparison, most: int) -> list[tuple[str, ...]]:
-    """The first harmonics: wheel, periods a turn, amplitude with interval, whether sure."""
+    """The first harmonics: wheel, order, amplitude with interval, significance."""
     return [
         (
-            f"{h.wheel}, {h.order} a turn",
+            f"{h.wheel}, order {h.order}",
             f"{h.amplitude:.2g}",
             f"{h.ci95[0]:.2g} ... {h.ci95[1]:.2g}",
             probability(h.p_adjusted),

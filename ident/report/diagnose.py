@@ -22,6 +22,7 @@ from youbot_env.effects import get_effect
 
 # Head of ``untried_lines``.
 UNTRIED = "Not tried, because these logs do not show it"
+DOCTOR = "What the log doctor found"
 HEADLINES = {
     "named": "Missing",
     "ambiguous": "Missing, but not told apart",
@@ -97,7 +98,7 @@ def sections(found: Diagnosis, logs: tuple[Log, ...] = ()) -> list[Section]:
             where(compared),
         ]
     if logs:
-        shown.append(Section("What the log doctor found", [findings_notes(logs)]))
+        shown.append(Section(DOCTOR, [findings_notes(logs)]))
     return [section for section in shown if section is not None]
 
 
@@ -134,7 +135,15 @@ def _tried(found: Diagnosis) -> Section:
     )
     if found.first.parts[0].log.drive == "voltage":
         caption += " Typical are sizes in N m; beside sizes in volts they say little."
-    head = ("effect", "size", "on its own", "95 % interval", "unit", "gain %", "p adjusted")
+    head = (
+        "effect",
+        "size",
+        "on its own",
+        "95 % interval",
+        "unit",
+        "held-out reduction %",
+        "p adjusted",
+    )
     rows = [
         (r.effect, r.parameter, _figure(r.size, r), " ... ".join(_figure(v, r) for v in r.ci95),
          r.unit or "-", f"{100 * r.gain:.1f}", probability(r.p))
@@ -142,7 +151,7 @@ def _tried(found: Diagnosis) -> Section:
     ]  # fmt: skip
     table = (
         "Sizes before anything else is added: effects that stand in for a missing one take its "
-        "place here. Gain: share of squared error removed where it was not fitted."
+        "place here. Held-out reduction: share of squared error removed where it was not fitted."
     )
     blocks = [
         Picture("effects", gains_figure(found.minimum_detectable, named), caption),
@@ -190,10 +199,11 @@ def _sizes(found: Diagnosis) -> Section | None:
     return Section("What was added", blocks)
 
 
-def _experiment(found: Diagnosis) -> Section | None:
+def experiment_lines(found: Diagnosis) -> list[str]:
+    """What to record next and what for; empty where nothing is proposed."""
     e = found.experiment
     if e is None:
-        return None
+        return []
     words = [
         f"{e.motion}: {e.purpose}, {60 * e.minutes:.0f} s.",
         f"With a simulated robot: {e.command}",
@@ -203,7 +213,14 @@ def _experiment(found: Diagnosis) -> Section | None:
             f"It tells {' from '.join(e.separates)}: expected odds {odds(e.odds)}, from "
             "simulations of each with the other fitted to it."
         )
-    blocks: list = [Notes(words)]
+    return words
+
+
+def _experiment(found: Diagnosis) -> Section | None:
+    e = found.experiment
+    if e is None:
+        return None
+    blocks: list = [Notes(experiment_lines(found))]
     if e.alternatives:
         rows = [(name, odds(value)) for name, value in ((e.motion, e.odds), *e.alternatives)]
         blocks.append(

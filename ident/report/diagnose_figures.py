@@ -66,7 +66,7 @@ def _draw_gains(
         axis.annotate(f"{one.typical:.2g}", (1.52, row), ha="right", **style)
         axis.annotate(f"{100 * one.power:.0f} %", (1.74, row), ha="right", **style)
     heads = {"xycoords": ("axes fraction", "data"), "va": "bottom", "fontsize": 9.5, "color": SOFT}
-    axis.annotate("smallest size seen", (1.05, -0.75), **heads)
+    axis.annotate("minimum detectable", (1.05, -0.75), **heads)
     axis.annotate("typical", (1.52, -0.75), ha="right", **heads)
     axis.annotate("power there", (1.74, -0.75), ha="right", **heads)
     axis.set_yticks(range(len(shown)), [one.effect for one in shown], fontsize=9.5)

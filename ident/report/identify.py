@@ -136,8 +136,8 @@ def _trust(outcome: Outcome) -> Section:
         "Correlations of the estimate. A pair near 1 or -1 is known only together; a blank row "
         "rests on the prior model."
     )
-    words = [f"Undetermined: {sentence}." for sentence in seen.words]
-    words += [f"Invisible: {sentence}." for sentence in result.invisible]
+    words = [f"Practically unidentifiable: {sentence}." for sentence in seen.words]
+    words += [f"Structurally unidentifiable: {sentence}." for sentence in result.invisible]
     if np.isfinite(seen.condition):
         lead = (
             f"The log determines all {total} parameters; the condition number of the scaled "

@@ -7,6 +7,7 @@ from dataclasses import replace
 from ident.improvement import Improvement, Stage
 from ident.log import Log
 from ident.report import diagnose as diagnosis
+from ident.report.diagnose import DOCTOR
 from ident.report.diagnose_error import FALLING
 from ident.report.diagnose_figures import base_figure
 from ident.report.outcome import percent, rounded
@@ -27,13 +28,18 @@ def improvement_page(
         logs: whose findings are told, and which are shown where they decide nothing.
     """
     found, parts = done.found, {part.title: part for part in diagnosis.sections(done.found, logs)}
-    falling, shown = parts.pop(FALLING, None), []
-    if falling is not None:
-        table = Grid(ERRORS_HEAD, error_rows(done), "Rms errors in free run.")
-        shown += [replace(falling, blocks=[falling.blocks[0], table, *falling.blocks[1:]])]
-        shown += [_base(done)]
+    # The evidence first, then what it did to error and parameters, then what that is good for.
+    shown = []
+    for title, part in parts.items():
+        if title == FALLING:
+            table = Grid(ERRORS_HEAD, error_rows(done), "Rms errors in free run.")
+            part = replace(part, blocks=[part.blocks[0], table, *part.blocks[1:]])
+        shown.append(part)
+        if title == FALLING:
+            shown.append(_base(done))
     if gains:
-        shown.append(Section("What the controllers gain", [Notes(gains)]))
+        at = next((k for k, part in enumerate(shown) if part.title == DOCTOR), len(shown))
+        shown.insert(at, Section("What the controllers gain", [Notes(gains)]))
     figures = diagnosis.figures(found)
     if len(done.stages) > 1:
         figures.append((percent(done.stages[-1].covered), "of the way down to that noise"))
@@ -43,7 +49,7 @@ def improvement_page(
         found.verdict in ("named", "nothing_missing") and not done.problems,
         diagnosis.lead(found),
         figures,
-        [*shown, *parts.values()],
+        shown,
         provenance,
     )
 
@@ -112,8 +118,8 @@ def _base(done: Improvement) -> Section:
     stages = [stage.base for stage in done.stages]
     numbers = ", ".join(f"+{k} {stage.added}" for k, stage in enumerate(done.stages) if k)
     caption = (
-        "The seven parameters and two lumps (x1 = m0 L^2, x2 = I0, x3 the spin inertia of all "
-        "wheels as it resists turning), with 95 % intervals"
+        "The seven parameters and two identifiable combinations (x1 = m0 L^2, x2 = I0, x3 the spin "
+        "inertia of all wheels as it resists turning), with 95 % intervals"
         + (f": base model, {numbers}" if numbers else "")
         + ". Open: the logs do not determine it alone. A model that lacks an effect bends its "
         "parameters to stand in for it."

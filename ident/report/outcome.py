@@ -246,7 +246,7 @@ def agreement(outcome: Outcome) -> tuple[tuple[str, ...], list[tuple[str, ...]]]
             gap = robust.values[k] - plain.values[k]
             cells.append(f"{round(gap / error, 1) + 0.0:+.1f}" if error > 0 else "-")
         rows.append((*cells, units[name]))
-    extra = () if robust is None else ("instruments", "difference, se")
+    extra = () if robust is None else ("instrumental variables", "difference, se")
     return ("parameter", "least squares", "recursive", *extra, "unit"), rows
 
 

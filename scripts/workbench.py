@@ -1,0 +1,6 @@
+"""The same as ``youbot workbench``."""
+
+from youbot_cli.workbench import start
+
+if __name__ == "__main__":
+    start()
