@@ -112,9 +112,10 @@ def test_a_controller_that_drives_a_robot_cannot_reach_what_is_true_of_it(name, 
 def test_a_log_and_what_is_identified_from_it_hold_nothing_of_the_truth(subject):
     from youbot_cli import evaluate_robots
 
-    log = evaluate_robots.record(subject, 12.0)
+    nominal = load_model("nominal")
+    log = evaluate_robots.record(subject, 12.0, nominal.platform)
     assert_no_truth(log, subject.truth)
-    known = evaluate_robots.calibrated(subject, 12.0)
+    known = evaluate_robots.calibrated(subject, 12.0, nominal)
     assert set(known.beliefs) == set(MODELS) - {ORACLE}
     assert_no_truth(known.beliefs, subject.truth)
     assert known.model(ORACLE).parameters == subject.truth.parameters

@@ -12,6 +12,10 @@ from controllers.evaluation.subjects import (
     INFORMED,
     MODELS,
 )
+from youbot_env.model import Model
+from youbot_env.model_file import save_model
+from youbot_env.parameters import Parameters
+from youbot_env.platform import omni3
 
 SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
 
@@ -32,6 +36,30 @@ def command(monkeypatch, tmp_path, capsys):
         return end.value.code, capsys.readouterr()
 
     return call
+
+
+def test_three_omni_wheels_are_compared_from_their_own_data_sheet(command, monkeypatch):
+    from youbot_cli import evaluate
+
+    monkeypatch.setattr(evaluate, "LOG_SECONDS", 12.0)
+    sheet = Parameters(m0=12.0, I0=0.35, I1=2e-3, a_x=0.01, a_y=0.0, mu1=0.02, mu2=1e-3)
+    save_model(Model(omni3(0.2), sheet, name="three"), Path("three.yaml"))
+    status, said = command(
+        "--model", "three.yaml", "--controller", "kinematic", "computed_torque", "lqr", "mpc",
+        "--plant", "analytic", "--reference", "eight", "--frequency", "2", "--robots", "2",
+        "--effect", "wheel_coulomb_friction=0.05", "--steps", "0", "--no-wrong", "--jobs", "1",
+        "--json", "out.json", "--report", "page",
+    )  # fmt: skip
+    assert status == 0, said.err
+    result = json.loads(Path("out.json").read_text())
+    assert result["setup"]["platform"] == omni3(0.2).name
+    error = {
+        (row["controller"], row["model"]): row["position"]["value"] for row in result["errors"]
+    }
+    kinematic = next(value for (name, _), value in error.items() if name == "kinematic")
+    for name in ("computed_torque", "lqr", "mpc"):
+        assert error[name, INFORMED] < 0.5 * kinematic
+    assert Path("page/index.html").is_file()
 
 
 def test_the_command_compares_and_writes_page_and_json(command, monkeypatch):

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from controllers.evaluation.plan import Block
     from controllers.evaluation.run import Run
     from controllers.evaluation.subjects import Subject
+    from youbot_env.model import Model
     from youbot_env.simulation import Sensors
 
 # What is hidden in every robot, in the middle of the population.
@@ -41,6 +42,13 @@ def evaluate(
         list[str] | None,
         typer.Option(help="analytic, rollers; both if left."),
     ] = None,
+    model: Annotated[
+        str,
+        typer.Option(
+            help="What is known of the robots beforehand, and their platform: model file or "
+            "nominal. Robots are drawn around it, of the nominal one around paper."
+        ),
+    ] = "nominal",
     effect: effect_options.Effects = None,
     effects: effect_options.EffectsFile = None,
     robots: Annotated[int, typer.Option(min=1, max=1000, help="Robots on the analytic plant.")] = 5,
@@ -80,22 +88,23 @@ def evaluate(
     from controllers.evaluation.claims import claims, solver_claims
     from controllers.evaluation.results import Results
     from youbot_cli.evaluate_tables import error_rows, gap_rows, tell
-    from youbot_env.model_file import write_atomically
+    from youbot_env.model_file import load_model, model_to_dict, write_atomically
     from youbot_env.simulation import Sensors
 
     page_file = None if report is None else report / "index.html"
     console.check_results(json_file, page_file, force=force)
     effect_options.load_effects(effects)
-    blocks, skipped = chosen(controller, reference, frequency, plant)
+    nominal = load_model(model)
+    blocks, skipped = chosen(controller, reference, frequency, plant, nominal)
     hidden = sizes(effect_options.parse_effects(effect)) if effect else HIDDEN
     counts = {"analytic": robots, "rollers": roller_robots}
     plants = list(dict.fromkeys(block.plant for block in blocks))
     settings = {"hidden": hidden, "noise": noise, "seed": seed, "log": LOG_SECONDS}
-    settings["effects"] = digest([effects])
+    settings |= {"effects": digest([effects]), "model": model_to_dict(nominal)}
     pieces = Pieces(place("evaluate", report, json_file), settings)
     parallel = Parallel(jobs or os.cpu_count() or 1, pieces, effects, cluster)
     with pieces:
-        subjects = calibrate(plants, counts, hidden, seed, parallel)
+        subjects = calibrate(plants, counts, nominal, hidden, seed, parallel)
         sensors = Sensors() if noise else None
         results = Results(drive(blocks, counts, subjects, sensors, parallel))
         costs = wrong_beliefs(subjects, sensors, parallel) if wrong else []
@@ -106,7 +115,7 @@ def evaluate(
 
         history = console.provenance(seed)
         used = {"hidden": hidden, "robots": {name: counts[name] for name in plants}}
-        used |= {"noise": noise}
+        used |= {"noise": noise, "model": nominal.name, "platform": nominal.platform.name}
         result = {"setup": used | {"skipped": skipped}, "claims": [c.as_dict() for c in checked]}
         result |= {"errors": error_rows(results), "gap_closed": gap_rows(results)}
         result |= {"wrong_beliefs": [c.as_dict() for c in costs], "mpc": solver}
@@ -129,7 +138,9 @@ def evaluate(
         console.out.print(f"page: {address}", soft_wrap=True)
 
 
-def chosen(controllers, references, frequencies, plants) -> tuple[list[Block], dict[str, str]]:
+def chosen(
+    controllers, references, frequencies, plants, nominal: Model
+) -> tuple[list[Block], dict[str, str]]:
     """Blocks to run, and why some controllers cannot.
 
     Raises:
@@ -153,7 +164,7 @@ def chosen(controllers, references, frequencies, plants) -> tuple[list[Block], d
     for name in controllers or controller_names():
         find(name)
         try:
-            make(name, "nominal")
+            make(name, nominal)
         except (ImportError, OSError, ValueError) as error:
             if controllers:
                 raise
@@ -186,20 +197,22 @@ def sizes(effects: dict[str, dict[str, float] | None]) -> dict[str, float]:
 
 
 def calibrate(
-    plants: list[str], counts: dict, hidden: dict, seed: int, parallel: Parallel
+    plants: list[str], counts: dict, nominal: Model, hidden: dict, seed: int, parallel: Parallel
 ) -> dict[str, list[Subject]]:
     """Robots of each plant with their identified models."""
     from controllers.evaluation.subjects import draw_subjects
     from youbot_cli import evaluate_robots
     from youbot_env.model_file import load_model
 
+    # The data sheet of the youBot is off by what it is; robots are as the one that was measured.
+    centre = load_model("paper") if nominal == load_model("nominal") else nominal
     drawn = [
         subject
         for plant in plants
-        for subject in draw_subjects(plant, counts[plant], load_model("paper"), hidden, seed)
+        for subject in draw_subjects(plant, counts[plant], centre, hidden, seed)
     ]
     work = [
-        Piece(f"{s.plant} {s.number}", evaluate_robots.calibrated, (s, LOG_SECONDS))
+        Piece(f"{s.plant} {s.number}", evaluate_robots.calibrated, (s, LOG_SECONDS, nominal))
         for s in drawn[::-1]
     ]
     kept = parallel.run("identifying robots", work, evaluate_robots.pack)

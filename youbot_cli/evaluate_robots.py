@@ -10,7 +10,9 @@ from controllers.evaluation.subjects import IDENTIFIED, INFORMED, NOMINAL, Subje
 from ident.identification import Identification, identify
 from ident.log import Log
 from youbot_env.channels import channel_columns
-from youbot_env.model_file import load_model, model_from_dict, model_to_dict
+from youbot_env.model import Model
+from youbot_env.model_file import model_from_dict, model_to_dict
+from youbot_env.platform import Platform
 from youbot_env.recording import record_motion
 from youbot_env.references import calibration_sequence
 from youbot_env.simulation import AnalyticPlant, Sensors
@@ -19,7 +21,7 @@ SPEED, FREQUENCY, DT = 0.35, 1.0, 0.01
 LOOP_RATE = 1000.0  # Hz, as on a robot; the log shows every tenth step
 
 
-def record(subject: Subject, seconds: float) -> Log:
+def record(subject: Subject, seconds: float, platform: Platform) -> Log:
     """Drive calibration motions I, III, II, IV under the wheel loops, with noisy sensors."""
     motion = calibration_sequence(seconds=seconds, speed=SPEED, frequency=FREQUENCY)
     if subject.plant == "rollers":
@@ -35,11 +37,10 @@ def record(subject: Subject, seconds: float) -> Log:
         channel: np.column_stack([columns[name] for name in names[channel]])
         for channel in ("wheel_velocity", "wheel_torque", "pose", "reference")
     }
-    platform = load_model("nominal").platform
     return Log(f"calibration of robot {subject.number}", platform, columns["time"], **channels)
 
 
-def calibrated(subject: Subject, seconds: float) -> Subject:
+def calibrated(subject: Subject, seconds: float, nominal: Model) -> Subject:
     """The subject with its models: nominal, and two identified from one log.
 
     The identifiers get the log and the nominal model.  ``identified`` has the seven parameters of
@@ -47,7 +48,7 @@ def calibrated(subject: Subject, seconds: float) -> Subject:
     that named them, and finds their sizes.  Where rollers are real, ``roller_ripple`` is one of
     them: every such robot has it, and diagnosis asks for it before anything else.
     """
-    log, nominal = record(subject, seconds), load_model("nominal")
+    log, nominal = record(subject, seconds, nominal.platform), replace(nominal, name=NOMINAL)
     effects = tuple(active.identifier for active in subject.truth.effects)
     effects += ("roller_ripple",) if subject.plant == "rollers" else ()
     plain = identify(log, nominal, name=IDENTIFIED)
