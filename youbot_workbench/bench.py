@@ -705,10 +705,15 @@ def in_titles(text: str) -> str:
 
 
 def mathml(equation: str) -> str:
-    """A LaTeX equation as MathML, which browsers draw without scripts and fonts."""
+    """A LaTeX equation as MathML, which browsers draw without scripts and fonts.
+
+    Browsers do not break formulas: where one is a list, each of its entries gets a line.
+    """
     from latex2mathml.converter import convert
 
-    return convert(equation)
+    parts = re.split(r",\s*\\quad", equation)
+    whole = all(part.count("{") == part.count("}") for part in parts)
+    return "".join(f"<div>{convert(part)}</div>" for part in (parts if whole else [equation]))
 
 
 def _size_of(stage: ChainStage) -> str:
