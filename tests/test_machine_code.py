@@ -297,7 +297,7 @@ def test_nothing_is_loaded_that_others_could_have_written(tmp_path, monkeypatch,
     library.unlink()
     library.write_bytes(b"not a library")
     library.chmod(0o666)
-    build._loaded.cache_clear()
+    build._libraries.clear()
     assert build.load(text).forty_two() == 42
     assert library.stat().st_mode & 0o022 == 0
     # So is one behind a link; and a folder that others may write to is not used.
@@ -307,7 +307,7 @@ def test_nothing_is_loaded_that_others_could_have_written(tmp_path, monkeypatch,
     assert not build.ours(library)
     folder.chmod(0o777)
     assert build.cache_folder() is None
-    build._loaded.cache_clear()
+    build._libraries.clear()
     assert build.load(text).forty_two() == 42
 
 

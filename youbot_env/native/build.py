@@ -29,6 +29,7 @@ FLAGS = (
 # one instruction.
 FINITE = ("-ffinite-math-only",)
 LONGEST_BUILD = 60.0  # s
+_libraries: dict[str, ctypes.CDLL] = {}
 _failed: dict[str, str] = {}
 
 
@@ -51,25 +52,14 @@ def load(text: str, flags: tuple[str, ...] = ()) -> ctypes.CDLL:
     if key in _failed:
         raise NoCompiler(_failed[key])
     try:
-        return _loaded(key, Hidden(text), (*compiler, *FLAGS, *flags))
+        if key not in _libraries:
+            _libraries[key] = _loaded(key, text, (*compiler, *FLAGS, *flags))
     except NoCompiler as error:
         _failed[key] = str(error)
         raise
+    return _libraries[key]
 
 
-class Hidden(str):
-    """A text that the cache of loaded libraries does not look at; their key says all."""
-
-    __slots__ = ()
-
-    def __eq__(self, other) -> bool:
-        return isinstance(other, Hidden)
-
-    def __hash__(self) -> int:
-        return 0
-
-
-@lru_cache(maxsize=64)
 def _loaded(key: str, text: str, compiler: tuple[str, ...]) -> ctypes.CDLL:
     folder = cache_folder()
     if folder is None:
