@@ -14,6 +14,7 @@ import shutil
 import signal
 import stat
 import subprocess
+import sys
 import tempfile
 from functools import lru_cache
 from pathlib import Path
@@ -28,7 +29,7 @@ FLAGS = (
 # For functions that never ask whether a number is finite; the largest and smallest of two are then
 # one instruction.
 FINITE = ("-ffinite-math-only",)
-LONGEST_BUILD = 60.0  # s
+LONGEST_BUILD, PATIENCE = 60.0, 2.0  # s, in all and without a word
 _libraries: dict[str, ctypes.CDLL] = {}
 _failed: dict[str, str] = {}
 
@@ -83,7 +84,11 @@ def _compiled(text: str, library: Path, compiler: tuple[str, ...]) -> str:
             start_new_session=True,
         ) as process:  # fmt: skip
             try:
-                _, words = process.communicate(timeout=LONGEST_BUILD)
+                try:
+                    _, words = process.communicate(timeout=PATIENCE)
+                except subprocess.TimeoutExpired:
+                    print("compiling the equations, once on this machine ...", file=sys.stderr)
+                    _, words = process.communicate(timeout=LONGEST_BUILD - PATIENCE)
             except BaseException as error:
                 os.killpg(process.pid, signal.SIGKILL)
                 if isinstance(error, subprocess.TimeoutExpired):
