@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.chance import fisher_above, student_quantile
+from ident.distributions import fisher_above, student_quantile
 from ident.filters import linear_hold
 from ident.log import Log
 from ident.pooling import MANY_RUNS

@@ -79,7 +79,7 @@ class Tab:
     def button(self, name: str):
         return self.page.get_by_role("button", name=name, exact=True)
 
-    def room(self, name: str) -> None:
+    def panel(self, name: str) -> None:
         self.page.get_by_role("tab", name=name, exact=True).click()
 
     def upload(self, *files: Path | None) -> None:
@@ -129,27 +129,27 @@ def test_the_page_is_there_three_seconds_after_the_command(server):
 def test_from_upload_to_the_fallen_error(loop, tmp_path):
     before = loop.error
     assert [chip.split()[0] for chip in loop.chips] == ["nominal", "refit", "Add"]
-    loop.room("Which")
+    loop.panel("Which")
     first = loop.page.locator(".effects .name").first
     assert first.inner_text() == "Dry friction of the wheels"
     loop.page.locator(".chip.next").click()
     loop.page.get_by_text("+ dry friction of the wheels").first.wait_for(timeout=LONG)
     loop.page.locator(".said .mark", has_text="Found").wait_for(timeout=LONG)
     assert loop.error < 0.4 * before
-    for room, told in (
+    for panel, told in (
         ("Compare", "Measured against every model"), ("Where", "Torque that the equations leave"),
         ("Trust", "Parameters at every stage"), ("Next", "What to record next"),
         ("Use", "The same in Python"), ("Check", "The record"),
     ):  # fmt: skip
-        loop.room(room)
+        loop.panel(panel)
         loop.page.get_by_role("heading", name=re.compile(told)).wait_for()
-        if room in ("Compare", "Where", "Trust", "Next", "Check"):
+        if panel in ("Compare", "Where", "Trust", "Next", "Check"):
             loop.page.locator(".q-tab-panel .main-svg").first.wait_for()
-        loop.page.screenshot(path=tmp_path / f"{room.lower()}.png")
+        loop.page.screenshot(path=tmp_path / f"{panel.lower()}.png")
 
 
 def test_a_reload_keeps_the_state(loop):
-    loop.room("Use")
+    loop.panel("Use")
     error, chips = loop.error, loop.chips
     loop.page.reload()
     loop.page.locator(".number .value").wait_for()
@@ -157,18 +157,18 @@ def test_a_reload_keeps_the_state(loop):
     assert "wheel_coulomb_friction" in loop.page.locator("pre.code.long").inner_text()
 
 
-def test_a_regime_filters_the_other_rooms(loop):
-    loop.room("Where")
+def test_a_regime_filters_the_other_panels(loop):
+    loop.panel("Where")
     loop.page.get_by_label("or choose a kind of moment").click()
     option = loop.page.get_by_role("option").first
     name = option.inner_text()
     option.click()
-    loop.room("Compare")
+    loop.panel("Compare")
     loop.page.get_by_text(f"only: {name}").wait_for()
 
 
 def test_sliders_move_the_free_run(loop):
-    loop.room("Try")
+    loop.panel("Try")
     slider = loop.page.locator(".q-slider [tabindex='0']").first
     slider.focus()
     for _ in range(10):
@@ -182,7 +182,7 @@ def test_sliders_move_the_free_run(loop):
 
 
 def test_the_worst_stretches_play(loop):
-    loop.room("Play")
+    loop.panel("Play")
     frame = loop.page.frame_locator("iframe.player")
     frame.get_by_role("button", name="play").click()
     frame.get_by_role("button", name="pause").wait_for()
@@ -227,7 +227,7 @@ def test_a_session_is_saved_and_opened(loop, browser, server):
     other.page.locator(".number .value").wait_for()
     assert (other.error, other.chips) == (loop.error, loop.chips)
     # A process of its own goes on where the other one was.
-    other.room("Compare")
+    other.panel("Compare")
     other.page.get_by_label("window of the free runs").click()
     other.page.get_by_role("option", name="0.5 s").click()
     other.page.get_by_text("free runs start anew every 0.5 s").wait_for(timeout=LONG)
@@ -246,11 +246,11 @@ def test_a_malformed_upload_gets_the_message_of_the_doctor(browser, server, tmp_
     tab.close()
 
 
-def test_rooms_are_reached_by_keys_and_nothing_is_wider_than_the_window(loop):
+def test_panels_are_reached_by_keys_and_nothing_is_wider_than_the_window(loop):
     for width in (1280, 1920):
         loop.page.set_viewport_size({"width": width, "height": 800})
-        for key, room in enumerate(("Check", "Compare", "Where", "Which"), start=1):
+        for key, panel in enumerate(("Check", "Compare", "Where", "Which"), start=1):
             loop.page.locator("body").press(str(key))
-            loop.page.locator(f".q-tab--active:has-text('{room}')").wait_for()
+            loop.page.locator(f".q-tab--active:has-text('{panel}')").wait_for()
             wide = loop.page.evaluate("document.documentElement.scrollWidth")
-            assert wide <= width, room
+            assert wide <= width, panel

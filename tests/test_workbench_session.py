@@ -11,9 +11,9 @@ pytest.importorskip("latex2mathml", reason="pip install -e '.[workbench]'")
 
 from short_logs import record_two
 
-from youbot_workbench.bench import Bench
 from youbot_workbench.server import COOKIE, LOOPBACK, Guard, free_port, serve
 from youbot_workbench.session import Session, Sessions
+from youbot_workbench.views import SessionViews
 from youbot_workbench.worker import Worker, WorkerEnded
 
 EFFECT_FILE = """
@@ -145,7 +145,7 @@ def test_effects_of_a_user_are_tried(tmp_path):
     assert session.trouble == ""
     rows = {row["effect"]: row for row in session.views["which"]["rows"]}
     assert rows["mine_of_the_test"]["title"] == "Mine"
-    assert rows["wheel_coulomb_friction"]["equation"].startswith("<math")
+    assert rows["wheel_coulomb_friction"]["equation"].startswith("<div><math")
 
 
 def test_a_call_that_is_cancelled_ends_at_once(tmp_path):
@@ -164,7 +164,7 @@ def test_findings_that_stop_a_log_are_told_with_their_remedy(tmp_path):
     bad = tmp_path / "bad.csv"
     bad.write_text("time,a,b\n0,1,x\n1,2,3\n")
     settings = {"logs": [str(bad)], "tests": [], "model": "nominal", "accept": []}
-    check = Bench(tmp_path, lambda w: None, lambda v: None).check(settings)["check"]
+    check = SessionViews(tmp_path, lambda w: None, lambda v: None).check(settings)["check"]
     assert not check["usable"]
     errors = [f for f in check["logs"][0]["findings"] if f["severity"] == "error"]
     assert "no velocities" in errors[0]["what"]

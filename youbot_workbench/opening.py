@@ -1,4 +1,4 @@
-"""The room where logs are opened: bundled, uploaded or recorded, and what the doctor says."""
+"""The panel where logs are opened: bundled, uploaded or recorded, and what the doctor says."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
-from youbot_workbench.pieces import figure, finding, head
 from youbot_workbench.session import ENDINGS, LARGEST
+from youbot_workbench.widgets import figure, finding, head
 
 if TYPE_CHECKING:
     from youbot_workbench.page import Page

@@ -1,4 +1,4 @@
-"""The page: a bar that stays, with the chain of models and the held-out error, and rooms below."""
+"""The page: a bar that stays, with the chain of models and the held-out error, and panels below."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from typing import Any
 from nicegui import ui
 
 from ident.report.themes import stage_color
-from youbot_workbench import opening, rooms
-from youbot_workbench.pieces import SEVERITIES, figure, percent
+from youbot_workbench import opening, panels
 from youbot_workbench.session import Session, Sessions
+from youbot_workbench.widgets import SEVERITIES, figure, percent
 
 STYLE = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
 # Rooms by name: what draws them, the views they show, and what there is to do in them.
 ROOMS: dict[str, tuple[Callable, tuple[str, ...]]] = {
     "Check": (opening.check, ("check",)),
-    "Compare": (rooms.compare, ("compare",)),
-    "Where": (rooms.where, ("where",)),
-    "Which": (rooms.which, ("which", "preview")),
-    "Try": (rooms.attempt, ("sliders",)),
-    "Play": (rooms.play, ("play",)),
-    "Trust": (rooms.trust, ("trust",)),
-    "Next": (rooms.next_record, ("next", "check")),
-    "Use": (rooms.use, ("use", "report", "answer", "control")),
+    "Compare": (panels.compare, ("compare",)),
+    "Where": (panels.where, ("where",)),
+    "Which": (panels.which, ("which", "preview")),
+    "Try": (panels.attempt, ("sliders",)),
+    "Play": (panels.play, ("play",)),
+    "Trust": (panels.trust, ("trust",)),
+    "Next": (panels.next_record, ("next", "check")),
+    "Use": (panels.use, ("use", "report", "answer", "control")),
 }
 # A figure that leaves the page while its size changes is no fault worth telling.
 QUIET = (
@@ -78,10 +78,10 @@ class Page:
                     self._chain = ui.element("div").classes("w-full")
                     self._said = ui.element("div").classes("said").props('aria-live="polite"')
                 self._fallen = ui.element("div").classes("fallen")
-            with ui.tabs().classes("rooms w-full").props("align=left dense no-caps") as self.tabs:
+            with ui.tabs().classes("panels w-full").props("align=left dense no-caps") as self.tabs:
                 for number, name in enumerate(ROOMS, start=1):
                     ui.tab(name, label=name).props(f'title="key {number}"')
-        first = self.session.settings.get("room", "Check")
+        first = self.session.settings.get("panel", "Check")
         panels = ui.tab_panels(self.tabs, value=first, on_change=self._entered)
         with panels.props("animated=false").classes("w-full"):
             for name in ROOMS:
@@ -98,17 +98,17 @@ class Page:
         if event.action.keydown and plain and digit and digit <= len(ROOMS):
             self.go(list(ROOMS)[digit - 1])
 
-    def go(self, room: str) -> None:
-        """Show a room."""
-        self.panels.set_value(room)
+    def go(self, panel: str) -> None:
+        """Show a panel."""
+        self.panels.set_value(panel)
 
     @property
-    def room(self) -> str:
-        """The room that is shown."""
+    def panel(self) -> str:
+        """The panel that is shown."""
         return str(self.panels.value)
 
     def _entered(self) -> None:
-        self.session.settings["room"] = self.room
+        self.session.settings["panel"] = self.panel
         ui.run_javascript("window.scrollTo(0, 0)")
         self.look()
 
@@ -131,8 +131,8 @@ class Page:
         self._seen |= now
         for name, (draw, views) in ROOMS.items():
             stamp = tuple(version[view] for view in (*views, "dark"))
-            if name == self.room and self._seen.get(f"room {name}") != stamp:
-                self._seen[f"room {name}"] = stamp
+            if name == self.panel and self._seen.get(f"panel {name}") != stamp:
+                self._seen[f"panel {name}"] = stamp
                 self._draw(self._bodies[name], lambda draw=draw: draw(self))
 
     def _differs(self, now: dict[str, int], *names: str) -> bool:
@@ -276,7 +276,7 @@ class Page:
     # What buttons do
 
     def do(self, name: str, then: str | None = None, **arguments: Any) -> None:
-        """Call the bench in the background; one thing at a time, others wait or are refused."""
+        """Call the views in the background; one thing at a time, others wait or are refused."""
         if self.session.job and name not in ("show", "preview", "plan", "play"):
             ui.notify("one thing at a time: wait, or cancel what is being done", type="warning")
             return

@@ -61,7 +61,7 @@ class Session:
         return bool(self.job) and time.monotonic() - self.since > QUICK
 
     async def do(self, name: str, **arguments: Any) -> bool:
-        """Call the bench and take in the views it answers with; tells whether that succeeded."""
+        """Call the views and take in the views it answers with; tells whether that succeeded."""
         async with self._turn:
             self.job, self.since, self.doing = name, time.monotonic(), "starting"
             self.trouble, self._stopped = "", False

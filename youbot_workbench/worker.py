@@ -1,4 +1,4 @@
-"""The process behind a session: calls of ``Bench`` as lines of JSON, one at a time.
+"""The process behind a session: calls of ``Views`` as lines of JSON, one at a time.
 
 ``python -m youbot_workbench.worker FOLDER`` serves them; ``Worker`` is the other end.  Lines are
 text, so nothing that a session's folder holds can run code.
@@ -59,7 +59,7 @@ class Worker:
         tell: Callable[[str], None],
         push: Callable[[dict], None],
     ) -> dict[str, Any]:
-        """Call a method of ``Bench``.
+        """Call a method of ``Views``.
 
         Args:
             name: of the method.
@@ -114,15 +114,15 @@ def serve(folder: Path) -> None:
         out.write(json.dumps(what) + "\n")
         out.flush()
 
-    from youbot_workbench.bench import Bench
+    from youbot_workbench.views import SessionViews
 
-    bench = Bench(folder, lambda what: say(tell=what), lambda views: say(push=views))
+    views = SessionViews(folder, lambda what: say(tell=what), lambda changed: say(push=changed))
     for line in sys.stdin:
         asked = json.loads(line)
         try:
             if asked["call"].startswith("_"):
                 raise ValueError(f"no call {asked['call']!r}")
-            say(done=getattr(bench, asked["call"])(**asked["arguments"]))
+            say(done=getattr(views, asked["call"])(**asked["arguments"]))
         except (ValueError, OSError, ImportError, FloatingPointError) as error:
             if os.environ.get("YOUBOT_DEBUG"):
                 traceback.print_exc()

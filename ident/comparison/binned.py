@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.chance import student_quantile
+from ident.distributions import student_quantile
 
 BINS = 20
 # A bin seen in fewer stretches says nothing.

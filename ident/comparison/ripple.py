@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ident.chance import false_discoveries, fisher_above
 from ident.comparison.shares import FALSE_DISCOVERIES
+from ident.distributions import false_discoveries, fisher_above
 from ident.estimators import least_squares
 from ident.log import Log
 from ident.regression import Regression, build_regression

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ident.chance import false_discoveries, student_above
 from ident.comparison.moments import Moments, wheel_torques
 from ident.comparison.regimes import Slice, slices
+from ident.distributions import false_discoveries, student_above
 from ident.estimators import cluster_numbers
 from ident.regression import Regression
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ident.chance import student_quantile
 from ident.diagnosis.rounds import Round
 from ident.diagnosis.settings import SETTINGS
+from ident.distributions import student_quantile
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.chance import false_discoveries, fisher_above
 from ident.diagnosis.settings import SETTINGS
+from ident.distributions import false_discoveries, fisher_above
 
 
 @dataclass(frozen=True, eq=False)

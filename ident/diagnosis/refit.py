@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ident.chance import student_above
 from ident.diagnosis.score_table import ScoreTable
 from ident.diagnosis.settings import SETTINGS
 from ident.diagnosis.splits import FIT, SELECT, VERIFY, Part
 from ident.diagnosis.trials import brackets, profile
+from ident.distributions import student_above
 from ident.instruments import adapted, stated
 from ident.output_error import OutputError, refine
 from ident.parameter_space import smooth_names

@@ -8,7 +8,6 @@ from itertools import combinations, compress
 
 import numpy as np
 
-from ident.chance import rank_correlation_chance
 from ident.contradiction import rolling_variance, wheels_agree
 from ident.diagnosis.forces import feigned
 from ident.diagnosis.lack_of_fit import Dependence
@@ -18,6 +17,7 @@ from ident.diagnosis.screening import Shortlist, best_pair, gain_of
 from ident.diagnosis.settings import SETTINGS
 from ident.diagnosis.splits import FIT, SELECT, Part, by_axis, judges
 from ident.diagnosis.trials import Trial, trials
+from ident.distributions import rank_correlation_chance
 from ident.free_run import cut_windows
 from ident.log import Log
 from ident.noise_floor import noise_floor

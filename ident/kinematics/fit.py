@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.chance import fisher_above, student_quantile
+from ident.distributions import fisher_above, student_quantile
 from ident.estimators import CLUSTERS
 from ident.kinematics.wheels import Rolling, parameter_names, rolling
 from ident.kinematics.windows import LONGEST_DELAY, MOUNT, Windows, integrate

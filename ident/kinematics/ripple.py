@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident import dead_reckoning
-from ident.chance import fisher_above, student_quantile
 from ident.contradiction import contradiction
+from ident.distributions import fisher_above, student_quantile
 from ident.estimators import CLUSTERS
 from ident.kinematics.fit import leave_one_out
 from ident.kinematics.wheels import middle_phases, ripple_geometry

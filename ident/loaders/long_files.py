@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ident.chance import ranks
+from ident.distributions import ranks
 from ident.doctor.finding import Finding
 from ident.doctor.table import Table
 

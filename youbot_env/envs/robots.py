@@ -13,11 +13,11 @@ from functools import cached_property
 import numpy as np
 
 from youbot_env.backend import NUMPY, NUMPY_FAST
+from youbot_env.envs.kernel import address, kernel_of
 from youbot_env.envs.law import Law
-from youbot_env.envs.machine import address, machine_of
 from youbot_env.envs.options import EpisodeOptions
 from youbot_env.envs.randomization import TRIES
-from youbot_env.envs.seen import Seen, SeenLayout
+from youbot_env.envs.step_buffer import StepBuffer, StepLayout
 from youbot_env.native.build import NoCompiler
 from youbot_env.native.trace import NotTraceable
 from youbot_env.plant import State
@@ -63,7 +63,7 @@ class Robots:
         self.generators: list[np.random.Generator] = []
         self._draws = law.draws
         observed = law.task.observation_space.shape[0]
-        self.layout = SeenLayout(copies, observed, law.wheels)
+        self.layout = StepLayout(copies, observed, law.wheels)
         width, task = self.layout.width, law.task
         self.steps = np.zeros(width, np.uint32)
         self._keys = np.zeros((2, width), np.uint32)
@@ -111,7 +111,7 @@ class Robots:
         """Take other generators."""
         self.generators = generators
 
-    def period(self, actions: np.ndarray, ended: np.ndarray) -> tuple[Seen, np.ndarray]:
+    def period(self, actions: np.ndarray, ended: np.ndarray) -> tuple[StepBuffer, np.ndarray]:
         """One period; those that had ended (n,) before it begin anew instead, without reward.
 
         Args:
@@ -128,11 +128,11 @@ class Robots:
             seen.reward[rows], seen.ends[:, rows] = 0.0, False
         return seen, rows
 
-    def step(self, actions: np.ndarray) -> Seen:
+    def step(self, actions: np.ndarray) -> StepBuffer:
         """One period with actions as ``period`` takes them; all go on."""
         raise NotImplementedError
 
-    def look(self, rows: np.ndarray, seen: Seen) -> None:
+    def look(self, rows: np.ndarray, seen: StepBuffer) -> None:
         """Write what some robots see now, without reward and ends."""
         raise NotImplementedError
 
@@ -226,7 +226,7 @@ class ArrayRobots(Robots):
         self._poses[slots, :, rows] = _rows(motion.pose, shape)
         self._twists[slots, rows] = self._clipped(_rows(motion.twist(NUMPY), shape))
 
-    def step(self, actions) -> Seen:
+    def step(self, actions) -> StepBuffer:
         """See the base class."""
         law, n = self.law, self.copies
         given = np.clip(actions, -1.0, 1.0).T
@@ -270,7 +270,7 @@ class ArrayRobots(Robots):
         width = self.law.task.action_space.shape[0]
         self._see(rows, seen, (np.zeros(len(rows), np.float32),) * width, ends=False)
 
-    def _see(self, rows, seen: Seen, action: tuple, ends: bool = True) -> None:
+    def _see(self, rows, seen: StepBuffer, action: tuple, ends: bool = True) -> None:
         law, structure = self.law, self.law.structure
         state = structure.unflatten(c[rows] for c in structure.flatten(self._state))
         steps = self.steps[: self.copies][rows]
@@ -310,7 +310,7 @@ class CompiledRobots(Robots):
     # Functions of machine code take addresses, which belong to one object in one process.
 
     def __getstate__(self) -> dict:
-        own = ("_machine", "_pointers", "_numbers", "_sizes", "_call", "_interfaces",
+        own = ("_kernel", "_pointers", "_numbers", "_sizes", "_call", "_interfaces",
                "_drawn", "_pointed", "_told", "_functions")  # fmt: skip
         return {k: v for k, v in self.__dict__.items() if k not in own}
 
@@ -321,14 +321,14 @@ class CompiledRobots(Robots):
     def _connect(self) -> None:
         """Find the machine code, and tell it where the arrays lie."""
         law = self.law
-        self._machine = machine_of(law, self._table)
-        slots, places = self._machine.slots, self._machine.places
+        self._kernel = kernel_of(law, self._table)
+        slots, places = self._kernel.slots, self._kernel.places
         self._pointers = np.zeros(len(slots), np.uint64)
         self._numbers = np.zeros(max(len(places), 1))
         self._sizes = np.array([0, self.layout.width, 0, self._draws, 0, TRIES, 0, 0], np.int64)
         self._call = tuple(map(address, (self._pointers, self._numbers, self._sizes)))
         self._drawn, self._pointed, self._told = np.empty(0), None, None
-        self._functions = self._machine.functions
+        self._functions = self._kernel.functions
         self._together = self._table
         if law.randomization is not None:
             self._together &= "robots" in self._functions
@@ -380,12 +380,12 @@ class CompiledRobots(Robots):
             self._tell(name, value)
 
     def _point(self, name: str, array: np.ndarray) -> None:
-        if name in self._machine.slots:
-            self._pointers[self._machine.slots[name]] = address(array)
+        if name in self._kernel.slots:
+            self._pointers[self._kernel.slots[name]] = address(array)
 
     def _tell(self, name: str, value: float) -> None:
-        if name in self._machine.places:
-            self._numbers[self._machine.places[name]] = value
+        if name in self._kernel.places:
+            self._numbers[self._kernel.places[name]] = value
 
     def _point_at_head(self) -> None:
         self._pointers[self._twist_slots] = self._twist_addresses[self._head]
@@ -472,7 +472,7 @@ class CompiledRobots(Robots):
             self._tell("ahead", ahead)
             self._run("fill" if rows is None else "fill chosen", rows)
 
-    def step(self, actions) -> Seen:
+    def step(self, actions) -> StepBuffer:
         """See the base class."""
         self.steps[: self.copies] += 1
         if not self._table:
@@ -485,7 +485,7 @@ class CompiledRobots(Robots):
             self._point_at_head()
         return self._stepped(actions, "step")
 
-    def period(self, actions, ended) -> tuple[Seen, np.ndarray]:
+    def period(self, actions, ended) -> tuple[StepBuffer, np.ndarray]:
         """See the base class; one call of machine code where all follow one reference."""
         if not self._together:
             return super().period(actions, ended)
@@ -499,9 +499,9 @@ class CompiledRobots(Robots):
             self.begin(rows, USUAL)
         return seen, rows
 
-    def _stepped(self, actions: np.ndarray, function: str) -> Seen:
+    def _stepped(self, actions: np.ndarray, function: str) -> StepBuffer:
         """Call a function that moves all robots on by one period."""
-        pointers, slots = self._pointers, self._machine.slots
+        pointers, slots = self._pointers, self._kernel.slots
         self._newest = (self._newest - 1) % self._held
         pointers[self._command_slots] = self._command_addresses[self._newest]
         seen = self.layout.new()
@@ -518,7 +518,7 @@ class CompiledRobots(Robots):
             self._point("next integral", self._integrals[1])
         return seen
 
-    def _point_at(self, seen: Seen) -> None:
+    def _point_at(self, seen: StepBuffer) -> None:
         if seen is not self._pointed:
             begin = np.uint64(address(seen.memory))
             self._pointers[self._seen_slots] = self._seen_offsets + begin

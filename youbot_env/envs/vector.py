@@ -15,8 +15,8 @@ from youbot_env.arguments import check_kind
 from youbot_env.envs.law import Law
 from youbot_env.envs.options import EpisodeOptions, as_numbers, diverged
 from youbot_env.envs.robots import USUAL, make_robots
-from youbot_env.envs.seen import Seen
 from youbot_env.envs.settings import TrackingSettings
+from youbot_env.envs.step_buffer import StepBuffer
 from youbot_env.plant import State
 
 # Copies of one environment: a million take about 2 GB.
@@ -73,7 +73,7 @@ class TrackingVectorEnv(VectorEnv):
         self._robots = make_robots(self._law, num_envs, max_episode_steps, bool(compiled))
         self._every = np.arange(num_envs, dtype=np.int32)
         self._shown = np.ones(num_envs, bool)
-        self._seen: Seen | None = None
+        self._seen: StepBuffer | None = None
 
     @property
     def _state(self) -> State:
@@ -164,7 +164,7 @@ class TrackingVectorEnv(VectorEnv):
             info = self._same_step(seen, info)
         return observation, seen.reward, seen.terminated, seen.truncated, info
 
-    def _same_step(self, seen: Seen, info: dict) -> dict:
+    def _same_step(self, seen: StepBuffer, info: dict) -> dict:
         ended, rows = seen.done.copy(), np.flatnonzero(seen.done).astype(np.int32)
         final = np.full(self.num_envs, None, dtype=object)
         for i in rows:
@@ -198,6 +198,6 @@ class TrackingVectorEnv(VectorEnv):
             array = np.clip(given, -1.0, 1.0).astype(np.float32)
         return array
 
-    def _info(self, seen: Seen) -> dict[str, Any]:
+    def _info(self, seen: StepBuffer) -> dict[str, Any]:
         info = seen.information()
         return info | {f"_{name}": self._shown for name in info}

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from ident.chance import (
+from ident.distributions import (
     false_discoveries,
     fisher_above,
     rank_correlation_chance,

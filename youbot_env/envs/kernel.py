@@ -22,7 +22,7 @@ def address(array: np.ndarray) -> int:
 
 
 @dataclass(frozen=True)
-class Machine:
+class Kernel:
     """Compiled functions, each ``f(pointers, numbers, sizes)``; see ``emit.function_text``.
 
     Attributes:
@@ -38,7 +38,7 @@ class Machine:
     places: dict[str, int]
 
 
-def machine_of(law: Law, table: bool) -> Machine:
+def kernel_of(law: Law, table: bool) -> Kernel:
     """Trace and compile the law, or find what was compiled before.
 
     Args:
@@ -57,7 +57,7 @@ def machine_of(law: Law, table: bool) -> Machine:
             function = getattr(library, name.replace(" ", "_"))
             function.argtypes, function.restype = [ctypes.c_void_p] * 3, None
             functions[name] = function
-    return Machine(functions, tracer.slots, tracer.places)
+    return Kernel(functions, tracer.slots, tracer.places)
 
 
 class _Tracer:

@@ -18,7 +18,7 @@ def padded(count: int) -> int:
     return GROUP * (groups if groups == 1 else groups | 1)
 
 
-class SeenLayout:
+class StepLayout:
     """Where the parts lie, for a number of robots; makes new pieces of memory.
 
     Attributes:
@@ -44,10 +44,10 @@ class SeenLayout:
             self.offsets[name] = self._size
             self._size += components * self.width * size
 
-    def new(self) -> Seen:
+    def new(self) -> StepBuffer:
         """A piece of memory with nothing in it yet."""
         memory = np.empty(self._size, np.uint8)
-        seen = Seen()
+        seen = StepBuffer()
         seen.memory = memory
         for name, shape, kind, offset, strides in self._parts:
             setattr(seen, name, np.ndarray(shape, kind, memory, offset, strides))
@@ -56,7 +56,7 @@ class SeenLayout:
         return seen
 
 
-class Seen:
+class StepBuffer:
     """What n robots see.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""Small pieces of the page: tables, figures, badges, code with a button that copies it."""
+"""Small parts of the page: tables, figures, badges, code with a button that copies it."""
 
 from __future__ import annotations
 

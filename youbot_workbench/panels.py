@@ -1,4 +1,4 @@
-"""The rooms behind the tabs: each draws the views that its session has."""
+"""The panels behind the tabs: each draws the views that its session has."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from youbot_workbench.pieces import TALL, code, figure, head, percent, table
+from youbot_workbench.widgets import TALL, code, figure, head, percent, table
 
 if TYPE_CHECKING:
     from youbot_workbench.page import Page

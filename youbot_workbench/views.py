@@ -73,7 +73,7 @@ OF_CHAIN = ("bar", "which", "compare", "where", "trust", "use", "next", "attempt
             "verdict", "preview", "sliders", "control")  # fmt: skip
 
 
-class Bench:
+class SessionViews:
     """One session: its logs, its chain of models, and views of them.
 
     Args:
