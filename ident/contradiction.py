@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from ident.log import Log
-from ident.noise import white_variance
+from ident.noise import speed_variance
 
 # Mean squared contradiction of the wheels, in units of their noise, from which they disagree.
 CONTRADICTION = 2.0
@@ -75,7 +75,7 @@ def contradiction(log: Log, whole: bool = False) -> tuple[float, float] | None:
     free = null_space(jacobian.T)
     if free.shape[1] == 0:
         return None
-    expected = float(np.mean(white_variance(log, log.wheel_velocity) @ free**2))
+    expected = float(np.mean(speed_variance(log) @ free**2))
     against = log.wheel_velocity @ free
     if not whole:
         motion = log.wheel_velocity @ np.linalg.pinv(jacobian).T

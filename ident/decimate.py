@@ -54,7 +54,8 @@ def decimated(log: Log, interval: float) -> Log:
     }
     # White noise has its slow part in common with rows that are farther apart and less noisy.
     noise = None if log.drive_noise is None else log.drive_noise / np.sqrt(size)
-    return replace(log, **means, starts=tuple(starts), recording=_recording(log), drive_noise=noise)
+    return replace(log, **means, starts=tuple(starts), recording=_recording(log),
+                   drive_noise=noise, speed_noise=None)  # fmt: skip
 
 
 def _recording(log: Log) -> dict[str, dict[str, float]]:

@@ -14,14 +14,12 @@ from ident.estimators import (
 )
 from ident.identifiability import Seen
 from ident.log import Log
-from ident.noise import noisier_speeds
+from ident.noise import DOUBTED, noisier_speeds
 from ident.recording import Recording
 from ident.regression import Regression, build_regression
 from youbot_env.model import Model
 
 PLAIN = "least squares"
-# Share of what noise does to least squares that is not known once it is taken back.
-DOUBTED = 0.5
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,6 +106,7 @@ class Log:
             log was cut or decimated; files have none.
         drive_noise: (n,) standard deviations of the white noise of the drive's rows where the rows
             are means of what was logged, which hides it; None where they can tell themselves.
+        speed_noise: (n,) the same of wheel speeds that a filter was taken out of.
         starts: samples at which a contiguous piece begins, the first being 0.
         findings: what the doctor noticed.
         accepted: names of the findings that the user accepted, of those that were there.
@@ -133,6 +134,7 @@ class Log:
     battery_voltage: np.ndarray | None = None
     wheel_angle: np.ndarray | None = None
     drive_noise: np.ndarray | None = None
+    speed_noise: np.ndarray | None = None
     starts: tuple[int, ...] = (0,)
     findings: tuple[Finding, ...] = ()
     accepted: tuple[str, ...] = ()

@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # which simulates what this module knows the noise of
 
 # White noise becomes this much larger in second differences: 1 + 4 + 1.
 AMPLIFIED = 6.0
+FILTER = "velocity_filter"
 # Median of |x| of a normal variable in standard deviations.
 MEDIAN = 0.6745
 
@@ -45,23 +46,28 @@ def white_variance(log: Log, signal: np.ndarray) -> np.ndarray:
     return spread(second_differences(log, signal)) ** 2 / AMPLIFIED
 
 
-# Drawings of noise; each serves twice, with either sign, so that all but the bias cancels.
-PAIRS = 2
+# Share of what noise does to an estimate that is not known once it is taken back.
+DOUBTED = 0.5
+
+
+def speed_variance(log: Log) -> np.ndarray:
+    """(n,) variances of the noise of the wheel speeds, (rad/s)^2.
+
+    A filter that the log states has passed the noise too, of which second differences then show
+    less: ``6 - 8 a + 2 a^2`` variances with ``a = exp(-dt / T)``.
+    """
+    if log.speed_noise is not None:
+        return log.speed_noise**2
+    variance = white_variance(log, log.wheel_velocity)
+    lag = log.recording.get(FILTER, {}).get("T", 0.0)
+    if lag <= 0.0:
+        return variance
+    keep = np.exp(-log.dt / lag)
+    return variance * AMPLIFIED / (6.0 - 8.0 * keep + 2.0 * keep**2)
+
+
 # What is beyond so many spreads is a step and no noise.
 STEP = 4.0
-
-
-def noisier(logs: list[Log], pairs: int = PAIRS) -> Iterator[list[Log]]:
-    """Logs with noise as theirs added to the torques, in pairs with either sign; none without."""
-    spreads = [torque_noise(log) for log in logs]
-    if not any(np.any(spread) for spread in spreads):
-        return
-    rng = np.random.default_rng(0)
-    for _ in range(pairs):
-        noise = [s * rng.normal(size=log.command.shape) for log, s in zip(logs, spreads,
-                 strict=True)]  # fmt: skip
-        for sign in (1.0, -1.0):
-            yield [_with_noise(log, sign * n) for log, n in zip(logs, noise, strict=True)]
 
 
 def noisier_speeds(log: Log) -> Iterator[Log]:
@@ -119,10 +125,6 @@ def _answer(torque: np.ndarray, speeds: np.ndarray) -> tuple[np.ndarray, float]:
         return np.zeros(2), 0.0
     gain = np.linalg.lstsq(speeds[usual], torque[usual])[0]
     return gain, float(spread(torque - speeds @ gain) / np.sqrt(AMPLIFIED))
-
-
-def _with_noise(log: Log, noise: np.ndarray) -> Log:
-    return log if log.drive != "torque" else replace(log, wheel_torque=log.wheel_torque + noise)
 
 
 def drifted(sim: Linearised, rng: np.random.Generator) -> Linearised:

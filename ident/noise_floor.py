@@ -8,7 +8,7 @@ import numpy as np
 
 from ident.contradiction import rolling_variance
 from ident.drive_noise import lasting_noise
-from ident.noise import white_variance
+from ident.noise import speed_variance, white_variance
 from ident.residuals import settled
 from ident.sensitivity import Linearised
 
@@ -40,12 +40,15 @@ def noise_floor(sim: Linearised) -> NoiseFloor:
     really feels: the floor is rather too high than too low.
     """
     log = sim.log
-    shown = log.wheel_velocity if log.body_velocity is None else log.body_velocity
+    if log.body_velocity is None:
+        shown = speed_variance(log)
+    else:
+        shown = white_variance(log, log.body_velocity)
     known = log.drive_noise
     drive = white_variance(log, log.command) if known is None else known**2
     rng = np.random.default_rng(0)
     torque = np.sqrt(drive)[:, None] * rng.normal(size=(len(drive), sim.time.size))
-    white = white_variance(log, shown) + _followed(sim, [torque])
+    white = shown + _followed(sim, [torque])
     lasting = lasting_noise(log)
     if not lasting.size:
         return NoiseFloor(white, np.zeros_like(white))

