@@ -11,6 +11,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from typing import Any
 
 from joblib.externals.loky import ProcessPoolExecutor
@@ -80,7 +81,8 @@ def _run(calls, queue: deque, workers: int, prepare) -> Iterator[tuple[int, Any]
                 number = queue.popleft()
                 running[number] = None
                 call, given = calls[number]
-                running[number] = pool.submit(call, *given)
+                with _interrupts_wait():
+                    running[number] = pool.submit(call, *given)
             done, _ = wait(running.values(), return_when=FIRST_COMPLETED)
             ready = [number for number, future in running.items() if future in done]
             for number in ready:
@@ -93,6 +95,22 @@ def _run(calls, queue: deque, workers: int, prepare) -> Iterator[tuple[int, Any]
     finally:
         pool.shutdown(wait=True, kill_workers=True)
     return []
+
+
+@contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Ctrl-C waits for the end: a process that is just being started would not be stopped."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    seen: list = []
+    before = signal.signal(signal.SIGINT, lambda *given: seen.append(given))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if seen:
+        raise KeyboardInterrupt
 
 
 def _begin(prepare: tuple[Callable, tuple] | None) -> None:

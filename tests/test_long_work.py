@@ -202,7 +202,7 @@ def test_a_run_with_a_killed_process_and_ctrl_c_goes_on_and_ends_the_same(tmp_pa
     assert not pieces.exists()
 
 
-def known(subject, seconds):
+def known(subject, seconds, nominal=None):
     """A subject as its owner would know it from a perfect log, in no time."""
     beliefs = dict.fromkeys(("identified", "identified + effects"), subject.truth)
     return replace(
