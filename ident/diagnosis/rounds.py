@@ -259,13 +259,15 @@ class Round:
         most = gains[best[0].identifier][-1] if best else 0.0
         for first, second in combinations(alone, 2):
             both = beside(self.parts, first, second)
-            now = self.gains_of(both)
-            halves = zip(now, gains[first.identifier], gains[second.identifier], strict=True)
-            needed = min(_further(gain, max(half)) for gain, *half in halves)
-            better = _further(now[-1], most) > SETTINGS.least_gain
+            # On windows that may judge both: what happens once need not happen in another log.
+            now, *halves = (self.gains_of(c, first, second) for c in (both, first, second))
+            needed = min(
+                (_further(gain, max(half)) for gain, *half in zip(now, *halves, strict=True)),
+                default=0.0,
+            )
             if (
-                better
-                and needed > 0.5 * SETTINGS.least_gain
+                needed > 0.5 * SETTINGS.least_gain
+                and _further(now[-1], most) > SETTINGS.least_gain
                 and self._enough(both)
                 and self.helps(both)
             ):
@@ -275,10 +277,16 @@ class Round:
     def _enough(self, found: Candidate) -> bool:
         return all(map(self.shortlist.enough, self.gains_of(found)))
 
-    def gains_of(self, found: Candidate) -> list[float]:
-        """Shares of squared error that a refined effect removes, of every kind of window."""
+    def gains_of(self, found: Candidate, *judged: Candidate) -> list[float]:
+        """Shares of squared error that a refined effect removes, of every kind of window.
+
+        Args:
+            found: the effect.
+            judged: effects that the windows may judge; the effect itself if left.
+        """
         now, before, roles = self._judge(found), self._before, self.table.role
-        asked = np.repeat(self._asked(found), [len(part.role) for part in self.parts])
+        logs = np.all([self._asked(one) for one in judged or (found,)], axis=0)
+        asked = np.repeat(logs, [len(part.role) for part in self.parts])
         kinds = [(roles == role) & asked for role in (FIT, SELECT)]
         return [1.0 - float(now[k].mean() / before[k].mean()) for k in kinds if k.any()]
 
