@@ -68,6 +68,12 @@ def lasting_noise(log: Log) -> LastingNoise:
 
     With real rollers, slip or unequal radii such torques do move something, and are no noise.
     """
+    # Every floor and every refinement of a diagnosis asks for it.
+    return log.memo.of(("lasting noise",), lambda: _lasting_noise(log))
+
+
+def _lasting_noise(log: Log) -> LastingNoise:
+    """The same, worked out."""
     free = null_space(log.platform.jacobian_array.T)
     if free.shape[1] == 0 or not wheels_agree(log, whole=True):
         return NO_NOISE

@@ -16,7 +16,7 @@ from youbot_env.effects import get_effect
 from youbot_env.measurement import AVERAGED, HELD, HOLDS, SAMPLED
 from youbot_env.model import Model
 
-HOLD, OFFSET = "drive_hold", "drive_offset"
+HOLD, OFFSET, FILTER = "drive_hold", "drive_offset", "velocity_filter"
 SHIFT = f"{OFFSET}.d"
 
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ident.dead_reckoning import wheel_speeds
+from ident.instruments import FILTER
 from ident.log import Log
 
 if TYPE_CHECKING:  # which simulates what this module knows the noise of
@@ -26,7 +27,6 @@ if TYPE_CHECKING:  # which simulates what this module knows the noise of
 
 # White noise becomes this much larger in second differences: 1 + 4 + 1.
 AMPLIFIED = 6.0
-FILTER = "velocity_filter"
 # Median of |x| of a normal variable in standard deviations.
 MEDIAN = 0.6745
 

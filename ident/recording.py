@@ -15,7 +15,7 @@ import numpy as np
 
 from ident.doctor.odometry import body_against, pose_against_wheels
 from ident.drive_clock import leads
-from ident.instruments import HOLD, OFFSET, SHIFT, lead_of, stating, with_instruments
+from ident.instruments import FILTER, HOLD, OFFSET, SHIFT, lead_of, stating, with_instruments
 from ident.log import Log
 from ident.recording_words import CLOSE, SURE, WIDE, Instrument, clock, declared, plain
 from youbot_env.effects import get_effect
@@ -144,7 +144,7 @@ def _recording(log: Log, ahead: float, error: float, signed: bool) -> Recording:
 
 # Wheel speeds that come later than the pose by this much, s, and by so many standard errors, are
 # late: simulated robots with rollers and creep stay below a third of it.
-LAG, LATE, CERTAIN = "velocity_filter", 2e-3, 4.0
+LATE, CERTAIN = 2e-3, 4.0
 # Angles, rad, places, m, and biases, rad/s, of a body-velocity sensor that are worth a word.
 NOTICED = {"angle": 5e-3, "px": 5e-3, "py": 5e-3, "b": 1e-3}
 
@@ -158,7 +158,7 @@ def witnessed(log: Log) -> tuple[Log, tuple[Instrument, ...]]:
     if log.body_velocity is not None:
         return _body_sensor(log)
     shown = log.pose is not None and log.wheel_velocity is not None
-    if not shown or LAG in log.recording:
+    if not shown or FILTER in log.recording:
         return log, ()
     seen = pose_against_wheels(log)
     if seen is None or not seen.shift.known or seen.shift.se > LATE:
@@ -167,13 +167,15 @@ def witnessed(log: Log) -> tuple[Log, tuple[Instrument, ...]]:
     if late < -LATE:
         return log, ()
     if late < max(LATE, CERTAIN * seen.shift.se):
-        return stating(log, LAG, T=0.0), ()
+        return stating(log, FILTER, T=0.0), ()
     words = (
         f"wheel speeds come {1e3 * late:.3g} ms +- {1e3 * half:.2g} ms later than the pose: a "
         "filter with that time constant, or means over twice that time"
     )
-    said = Instrument(LAG, "T", late, "s", (late - half, late + half), "estimated", log.name, words)
-    return stating(log, LAG, T=late), (said,)
+    said = Instrument(
+        FILTER, "T", late, "s", (late - half, late + half), "estimated", log.name, words
+    )
+    return stating(log, FILTER, T=late), (said,)
 
 
 def _body_sensor(log: Log) -> tuple[Log, tuple[Instrument, ...]]:

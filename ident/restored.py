@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from ident.dead_reckoning import bridged, dead_reckoning, wheel_angles
+from ident.instruments import FILTER
 from ident.log import Log
 from ident.memo import part_of
-from ident.noise import FILTER, speed_variance, white_variance
+from ident.noise import speed_variance, white_variance
 from youbot_env.dynamics import Theta
 from youbot_env.effects import Effect, get_effect
 from youbot_env.measurement import DriveInput, Rows

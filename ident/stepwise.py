@@ -19,7 +19,7 @@ from ident.diagnosis.holdout import FreeRunErrors, free_run_errors, held_out_err
 from ident.diagnosis.minimum_detectable import MinimumDetectable, minimum_detectable
 from ident.diagnosis.refit import Candidate, Refits, candidate, window_losses
 from ident.diagnosis.rounds import Round
-from ident.diagnosis.selection import Search, Step, sizes
+from ident.diagnosis.selection import Search, Step, sizes, with_steps
 from ident.diagnosis.splits import FIT, VERIFY
 from ident.diagnosis.verdict import decide
 from ident.improvement import base_quantities, shifts
@@ -169,12 +169,14 @@ class Stepwise:
             first, background = self._rounds.get(()), [s for s in self._steps if s.background]
             origin = None
             if background and len(background) < len(self._steps):
-                origin = self._loss(self._chain_model(background))
+                origin = self._loss(with_steps(self.base.model, background))
             elif self._steps and not background:
                 origin = first.error if first else None
             self._rounds[self.added] = Round.of(
                 self.parts,
-                self.fits.of(self._chain_model(self._steps))[1] if self._steps else self._simulated,
+                self.fits.of(with_steps(self.base.model, self._steps))[1]
+                if self._steps
+                else self._simulated,
                 self._generic,
                 self._seeds[min(len(self._steps), len(self._seeds) - 1)],
                 origin,
@@ -294,21 +296,10 @@ class Stepwise:
         fitted = np.concatenate([part.role for part in self.parts]) == FIT
         return float(window_losses(self.parts, self.fits.of(model)[1])[fitted].mean())
 
-    def _chain_model(self, steps: list[Step]) -> Model:
-        """The base with the effects of some steps, at the sizes found last."""
-        wanted = {active.identifier: active.values for active in self.base.model.effects}
-        for step in self._steps:
-            if step in steps:
-                for active in step.best.model.effects:
-                    if active.identifier in {s.best.identifier for s in steps} | set(wanted):
-                        wanted[active.identifier] = active.values
-        latest = steps[-1].best.model if steps else self.base.model
-        return replace(latest, covariance=None, effects=()).with_effects(wanted)
-
     def _chain(self) -> list[tuple[str, Model]]:
         """Names and refined models from the base on, with covariances."""
         steps = self._steps
-        models = [self.base.model] + [self._chain_model(steps[: k + 1]) for k in range(len(steps))]
+        models = [with_steps(self.base.model, steps[:k]) for k in range(len(steps) + 1)]
         return [
             (name, self.fits.with_intervals(model))
             for name, model in zip(("", *self.added), models, strict=True)

@@ -18,6 +18,7 @@ from ident.estimators import least_squares
 from ident.free_run import FreeRun
 from ident.identifiability import Seen
 from ident.kinematics.ripple import seen_phases
+from ident.kinematics.wheels import RIPPLE
 from ident.log import Log
 from ident.noise_floor import velocity_floor
 from ident.prior import ALIGNED
@@ -42,7 +43,6 @@ NUISANCES = (
     "torque_offset",
     "torque_gain",
 )
-RIPPLE = "roller_ripple"
 # Directions of a weaker trace than this share of the strongest, squared, shift nothing.
 RANK = 1e-10
 

@@ -109,8 +109,8 @@ def _interrupts_wait() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-    if seen:
-        raise KeyboardInterrupt
+    if seen and callable(before):
+        before(*seen[0])
 
 
 def _begin(prepare: tuple[Callable, tuple] | None) -> None:

@@ -17,8 +17,8 @@ from youbot_workbench.session import Session, Sessions
 from youbot_workbench.widgets import SEVERITIES, figure, percent
 
 STYLE = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
-# Rooms by name: what draws them, the views they show, and what there is to do in them.
-ROOMS: dict[str, tuple[Callable, tuple[str, ...]]] = {
+# Panels by name: what draws them, the views they show, and what there is to do in them.
+PANELS: dict[str, tuple[Callable, tuple[str, ...]]] = {
     "Check": (opening.check, ("check",)),
     "Compare": (panels.compare, ("compare",)),
     "Where": (panels.where, ("where",)),
@@ -79,12 +79,12 @@ class Page:
                     self._said = ui.element("div").classes("said").props('aria-live="polite"')
                 self._fallen = ui.element("div").classes("fallen")
             with ui.tabs().classes("panels w-full").props("align=left dense no-caps") as self.tabs:
-                for number, name in enumerate(ROOMS, start=1):
+                for number, name in enumerate(PANELS, start=1):
                     ui.tab(name, label=name).props(f'title="key {number}"')
         first = self.session.settings.get("panel", "Check")
         panels = ui.tab_panels(self.tabs, value=first, on_change=self._entered)
         with panels.props("animated=false").classes("w-full"):
-            for name in ROOMS:
+            for name in PANELS:
                 with ui.tab_panel(name):
                     self._bodies[name] = ui.element("div").classes("w-full")
         self.panels = panels
@@ -95,8 +95,8 @@ class Page:
     def _key(self, event) -> None:
         digit = event.key.number
         plain = not (event.modifiers.ctrl or event.modifiers.alt or event.modifiers.meta)
-        if event.action.keydown and plain and digit and digit <= len(ROOMS):
-            self.go(list(ROOMS)[digit - 1])
+        if event.action.keydown and plain and digit and digit <= len(PANELS):
+            self.go(list(PANELS)[digit - 1])
 
     def go(self, panel: str) -> None:
         """Show a panel."""
@@ -129,7 +129,7 @@ class Page:
         if self._differs(now, "job", "verdict", "bar", "check"):
             self._draw(self._said, self._saying)
         self._seen |= now
-        for name, (draw, views) in ROOMS.items():
+        for name, (draw, views) in PANELS.items():
             stamp = tuple(version[view] for view in (*views, "dark"))
             if name == self.panel and self._seen.get(f"panel {name}") != stamp:
                 self._seen[f"panel {name}"] = stamp

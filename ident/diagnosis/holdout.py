@@ -15,13 +15,13 @@ from ident.diagnosis.splits import VERIFY, Part
 from ident.drive_noise import NO_NOISE, LastingNoise, lasting_noise
 from ident.free_run import free_run
 from ident.kinematics.ripple import ripple_share
+from ident.kinematics.wheels import RIPPLE
 from ident.noise_floor import velocity_floor
 from ident.output_error import OutputError
 from ident.sensitivity import Linearised, window_length
 from youbot_env.model import Model
 
 # The effect that rollers of an unknown make are told from.
-RIPPLE = "roller_ripple"
 
 
 @dataclass(frozen=True)
